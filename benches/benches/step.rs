@@ -1,0 +1,2 @@
+//! What one step costs.
+fn main() {}

@@ -1,0 +1,1 @@
+//! The benches stand in `benches/`; there is nothing to import here.

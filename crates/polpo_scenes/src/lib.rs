@@ -1,0 +1,1 @@
+//! The demo scenes, each a plugin in one file, and the harness that every example shares.

@@ -1,0 +1,155 @@
+//! Edges: the pairs of particles that hold on to each other.
+
+use crate::Particles;
+use crate::coloring::color_rows;
+
+/// What is wrong with an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EdgeError {
+    /// An end does not exist.
+    #[error("edge {edge}: particle {particle} is not among the {count} there are")]
+    Index {
+        /// Which edge.
+        edge: usize,
+        /// The end that does not exist.
+        particle: u32,
+        /// How many particles there are.
+        count: usize,
+    },
+    /// Both ends are the same particle.
+    #[error("edge {edge}: both ends are particle {particle}")]
+    Loop {
+        /// Which edge.
+        edge: usize,
+        /// The particle.
+        particle: u32,
+    },
+    /// The same two particles are joined twice.
+    #[error("edge {edge}: particles {a} and {b} are already joined")]
+    Duplicate {
+        /// Which edge.
+        edge: usize,
+        /// Its first end.
+        a: u32,
+        /// Its second end.
+        b: u32,
+    },
+}
+
+/// Edges sorted by colour: edges of one colour share no particle.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Edges {
+    /// Ends of each edge.
+    pub pairs: Vec<[u32; 2]>,
+    /// Distance of the ends at rest \[m\].
+    pub rest_length: Vec<f32>,
+    /// Where each colour starts in `pairs`, and the end of the last.
+    pub colors: Vec<u32>,
+}
+
+impl Edges {
+    /// Edges between particles at their rest positions.
+    ///
+    /// # Errors
+    ///
+    /// The first edge that has an end that does not exist, joins a particle to itself, or repeats an earlier one.
+    pub fn new(particles: &Particles, pairs: &[[u32; 2]]) -> Result<Self, EdgeError> {
+        let count = particles.len();
+        for (edge, &[a, b]) in pairs.iter().enumerate() {
+            for particle in [a, b] {
+                if particle as usize >= count {
+                    return Err(EdgeError::Index {
+                        edge,
+                        particle,
+                        count,
+                    });
+                }
+            }
+            if a == b {
+                return Err(EdgeError::Loop { edge, particle: a });
+            }
+        }
+        let mut sorted: Vec<(u32, u32, usize)> = pairs
+            .iter()
+            .enumerate()
+            .map(|(edge, &[a, b])| (a.min(b), a.max(b), edge))
+            .collect();
+        sorted.sort_unstable();
+        for two in sorted.windows(2) {
+            if (two[0].0, two[0].1) == (two[1].0, two[1].1) {
+                return Err(EdgeError::Duplicate {
+                    edge: two[1].2,
+                    a: two[1].0,
+                    b: two[1].1,
+                });
+            }
+        }
+        let (order, colors) = color_rows(count, pairs.iter().map(|p| p.as_slice()));
+        let pairs: Vec<[u32; 2]> = order.iter().map(|&e| pairs[e as usize]).collect();
+        let rest_length = pairs
+            .iter()
+            .map(|&[a, b]| {
+                particles.rest_position[a as usize].distance(particles.rest_position[b as usize])
+            })
+            .collect();
+        Ok(Self {
+            pairs,
+            rest_length,
+            colors,
+        })
+    }
+
+    /// Number of edges.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Whether there are none.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::line;
+
+    #[test]
+    fn bad_edges_are_named() {
+        let p = line(3, 1.0, 0.1);
+        assert_eq!(
+            Edges::new(&p, &[[0, 1], [1, 3]]),
+            Err(EdgeError::Index {
+                edge: 1,
+                particle: 3,
+                count: 3
+            })
+        );
+        assert_eq!(
+            Edges::new(&p, &[[2, 2]]),
+            Err(EdgeError::Loop {
+                edge: 0,
+                particle: 2
+            })
+        );
+        assert_eq!(
+            Edges::new(&p, &[[0, 1], [1, 2], [1, 0]]),
+            Err(EdgeError::Duplicate {
+                edge: 2,
+                a: 0,
+                b: 1
+            })
+        );
+    }
+
+    #[test]
+    fn a_chain_has_two_colours() {
+        let p = line(5, 0.5, 0.1);
+        let edges = Edges::new(&p, &[[0, 1], [1, 2], [2, 3], [3, 4]]).unwrap();
+        assert_eq!(edges.colors, [0, 2, 4]);
+        assert!(edges.rest_length.iter().all(|&l| l == 0.5));
+    }
+}

@@ -1,0 +1,127 @@
+//! Implicit shape-matching groups: every particle with the neighbours its edges lead to.
+
+use glam::{Mat3A, Quat, Vec3A};
+
+use crate::coloring::color_rows;
+use crate::{Edges, Particles};
+
+/// One group a particle: itself and its one ring. Groups are sorted by colour and stored as compressed rows; groups of one colour share no particle.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImplicitGroups {
+    /// Where each group's members start in `members` and `rest`, and the end of the last.
+    pub rows: Vec<u32>,
+    /// Members, row after row; the first of a row is the particle the group belongs to.
+    pub members: Vec<u32>,
+    /// x̄_i − c̄, where each member is at rest, relative to its group's centre of mass \[m\].
+    pub rest: Vec<Vec3A>,
+    /// One over the mass of each group \[1/kg\].
+    pub inverse_mass: Vec<f32>,
+    /// The rotation found last, the warm start of the next search.
+    pub rotation: Vec<Quat>,
+    /// Where each colour starts among the groups, and the end of the last.
+    pub colors: Vec<u32>,
+    /// Per *particle*, B_i = (m_i/5)·Q_i·diag(a², b², c²)·Q_iᵀ \[kg·m²\], its own second moment at rest.
+    ///
+    /// An ellipsoid turned by R_i contributes A_i = ∫ (R_i·ȳ)·ȳᵀ dm = R_i·B_i to a group. (m/5·diag(a², b², c²)·R_i, as often printed, depends on the frame of reference.)
+    pub moment: Vec<Mat3A>,
+}
+
+impl ImplicitGroups {
+    /// The groups that `edges` imply. A particle without edges has none: alone, it is always in shape.
+    pub fn new(particles: &Particles, edges: &Edges) -> Self {
+        let n = particles.len();
+        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
+        for &[i, j] in &edges.pairs {
+            neighbours[i as usize].push(j);
+            neighbours[j as usize].push(i);
+        }
+        let rings: Vec<Vec<u32>> = neighbours
+            .into_iter()
+            .enumerate()
+            .filter(|(_, ring)| !ring.is_empty())
+            .map(|(i, mut ring)| {
+                ring.sort_unstable();
+                ring.insert(0, i as u32);
+                ring
+            })
+            .collect();
+        let (order, colors) = color_rows(n, rings.iter().map(|r| r.as_slice()));
+        let mut groups = Self {
+            rows: vec![0],
+            colors,
+            ..Self::default()
+        };
+        for &g in &order {
+            let ring = &rings[g as usize];
+            let mut mass = 0.0;
+            let mut center = Vec3A::ZERO;
+            for &i in ring {
+                mass += particles.mass[i as usize];
+                center += particles.rest_position[i as usize] * particles.mass[i as usize];
+            }
+            center /= mass;
+            groups.members.extend_from_slice(ring);
+            groups.rest.extend(
+                ring.iter()
+                    .map(|&i| particles.rest_position[i as usize] - center),
+            );
+            groups.rows.push(groups.members.len() as u32);
+            groups.inverse_mass.push(1.0 / mass);
+            groups.rotation.push(particles.rotation[ring[0] as usize]);
+        }
+        groups.moment = (0..n)
+            .map(|i| {
+                let q = Mat3A::from_quat(particles.frame[i]);
+                let r = particles.radii[i];
+                let d = r * r * (particles.mass[i] / 5.0);
+                Mat3A::from_cols(q.x_axis * d.x, q.y_axis * d.y, q.z_axis * d.z) * q.transpose()
+            })
+            .collect();
+        groups
+    }
+
+    /// Number of groups.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.inverse_mass.len()
+    }
+
+    /// Whether there are none.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.inverse_mass.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::line;
+
+    #[test]
+    fn a_chain_has_groups_of_three_and_two() {
+        let p = line(4, 1.0, 0.1);
+        let edges = Edges::new(&p, &[[0, 1], [1, 2], [2, 3]]).unwrap();
+        let groups = ImplicitGroups::new(&p, &edges);
+        let mut rows: Vec<Vec<u32>> = groups
+            .rows
+            .windows(2)
+            .map(|r| groups.members[r[0] as usize..r[1] as usize].to_vec())
+            .collect();
+        rows.sort();
+        assert_eq!(rows, [vec![0, 1], vec![1, 0, 2], vec![2, 1, 3], vec![3, 2]]);
+    }
+
+    #[test]
+    fn moment_is_that_of_the_ellipsoid() {
+        let mut p = line(2, 1.0, 0.1);
+        p.radii[0] = Vec3A::new(0.3, 0.2, 0.1);
+        p.frame[0] = Quat::from_xyzw(0.0, 0.0, 0.5f32.sqrt(), 0.5f32.sqrt()); // x → y
+        let edges = Edges::new(&p, &[[0, 1]]).unwrap();
+        let b = ImplicitGroups::new(&p, &edges).moment[0];
+        let m = p.mass[0] / 5.0;
+        assert!((b.x_axis - Vec3A::X * (0.04 * m)).length() < 1e-7);
+        assert!((b.y_axis - Vec3A::Y * (0.09 * m)).length() < 1e-7);
+        assert!((b.z_axis - Vec3A::Z * (0.01 * m)).length() < 1e-7);
+    }
+}

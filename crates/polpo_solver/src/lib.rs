@@ -1,0 +1,56 @@
+//! The kernels of Polpo: position-based dynamics of oriented, ellipsoidal particles.
+//!
+//! A body is a set of particles that have a position *and* an orientation. One substep of length Δt is
+//!
+//! ```text
+//! predict            v += Δt·g;  x += Δt·v;  q = exp(ω·Δt)·q
+//! solve_constraints  match_shapes, solve_distances, solve_torsion   (× iterations)
+//! solve_contacts     planes the particles must stay above, friction
+//! integrate          v = (x − x_previous)/Δt;  ω = log(q·q_previous⁻¹)/Δt;  drag
+//! ```
+//!
+//! Every stage is a function on the slices of [`Particles`] and the data of one capability ([`ImplicitGroups`], [`Edges`], [`Contacts`]). Nothing here knows an ECS, a file, a
+//! thread or a clock, and nothing calls the platform's transcendental functions: the same input gives the same bits everywhere `f32` arithmetic is IEEE 754.
+//!
+//! After Müller & Chentanez, *Solid Simulation with Oriented Particles* (2011), with the corrections that each module derives where it departs from the paper.
+//!
+//! # Units
+//!
+//! SI throughout: m, kg, s, rad. Stiffness is a frequency in hertz, see [`stiffness_fraction`].
+
+mod coloring;
+mod contacts;
+mod damping;
+mod distance;
+mod edges;
+mod ellipsoid;
+mod groups;
+mod integrate;
+mod math;
+mod momentum;
+mod particles;
+mod predict;
+mod rotation;
+mod shape_matching;
+mod solve_contacts;
+mod stiffness;
+#[cfg(test)]
+mod testing;
+mod torsion;
+
+pub use contacts::{Contact, Contacts};
+pub use damping::damp_internally;
+pub use distance::solve_distances;
+pub use edges::{EdgeError, Edges};
+pub use ellipsoid::Ellipsoid;
+pub use groups::ImplicitGroups;
+pub use integrate::integrate;
+pub use math::{quat_exp, quat_log};
+pub use momentum::{Momentum, RigidFit, fit_rigid, momentum};
+pub use particles::{ParticleError, ParticleRest, Particles};
+pub use predict::predict;
+pub use rotation::extract_rotation;
+pub use shape_matching::match_shapes;
+pub use solve_contacts::solve_contacts;
+pub use stiffness::stiffness_fraction;
+pub use torsion::solve_torsion;

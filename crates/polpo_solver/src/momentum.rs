@@ -1,0 +1,77 @@
+//! What a body carries: momentum, energy, and how far it is from its rest shape.
+
+use glam::{Mat3A, Quat, Vec3A};
+
+use crate::{Particles, extract_rotation};
+
+/// Momentum and energy of a body.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Momentum {
+    /// Total mass \[kg\].
+    pub mass: f32,
+    /// Centre of mass \[m\], relative to the body's origin.
+    pub center: Vec3A,
+    /// P = Σ m·v \[kg·m/s\].
+    pub linear: Vec3A,
+    /// L = Σ (m·r×v + I·ω) about the centre of mass, spin included \[kg·m²/s\].
+    pub angular: Vec3A,
+    /// Inertia about the centre of mass, spin included \[kg·m²\].
+    pub inertia: Mat3A,
+    /// ½ Σ (m·v² + I·ω²) \[J\].
+    pub kinetic_energy: f32,
+}
+
+/// Sums up what the particles carry. An empty body carries nothing.
+pub fn momentum(p: &Particles) -> Momentum {
+    let mut sum = Momentum {
+        center: p.center_of_mass(),
+        inertia: Mat3A::ZERO,
+        ..Momentum::default()
+    };
+    for i in 0..p.len() {
+        let (m, v, omega) = (p.mass[i], p.velocity[i], p.angular_velocity[i]);
+        let r = p.position[i] - sum.center;
+        let spin = 1.0 / p.inverse_inertia[i];
+        sum.mass += m;
+        sum.linear += v * m;
+        sum.angular += r.cross(v) * m + omega * spin;
+        sum.kinetic_energy += 0.5 * (m * v.length_squared() + spin * omega.length_squared());
+        let round = m * r.length_squared() + spin;
+        sum.inertia.x_axis += Vec3A::X * round - r * (m * r.x);
+        sum.inertia.y_axis += Vec3A::Y * round - r * (m * r.y);
+        sum.inertia.z_axis += Vec3A::Z * round - r * (m * r.z);
+    }
+    sum
+}
+
+/// The rigid motion from rest that comes nearest to a body, and what is left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigidFit {
+    /// Rotation since rest.
+    pub rotation: Quat,
+    /// Largest distance of a particle from where the rigid motion puts it \[m\].
+    pub largest: f32,
+}
+
+/// Fits one rotation to the whole body, starting from `guess`, and tells how far its particles are from the shape at rest.
+pub fn fit_rigid(p: &Particles, guess: Quat) -> RigidFit {
+    let center = p.center_of_mass();
+    let mut rest_center = Vec3A::ZERO;
+    let mut mass = 0.0;
+    for i in 0..p.len() {
+        rest_center += p.rest_position[i] * p.mass[i];
+        mass += p.mass[i];
+    }
+    rest_center /= mass;
+    let mut a = Mat3A::ZERO;
+    for i in 0..p.len() {
+        let d = (p.position[i] - center) * p.mass[i];
+        let r = p.rest_position[i] - rest_center;
+        a += Mat3A::from_cols(d * r.x, d * r.y, d * r.z);
+    }
+    let rotation = extract_rotation(a, guess);
+    let largest = (0..p.len())
+        .map(|i| (rotation * (p.rest_position[i] - rest_center) + center).distance(p.position[i]))
+        .fold(0.0, f32::max);
+    RigidFit { rotation, largest }
+}

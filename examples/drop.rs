@@ -1,0 +1,2 @@
+//! drop
+fn main() {}

@@ -1,0 +1,2 @@
+//! octopus
+fn main() {}

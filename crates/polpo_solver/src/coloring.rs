@@ -4,10 +4,7 @@
 /// order) with the start of each colour in that order, plus the end.
 ///
 /// Rows of one colour touch disjoint particles, so they may be solved in any order, in parallel or in vector lanes, with the same result to the bit.
-pub(crate) fn color_rows<'a>(
-    particles: usize,
-    rows: impl ExactSizeIterator<Item = &'a [u32]> + Clone,
-) -> (Vec<u32>, Vec<u32>) {
+pub(crate) fn color_rows<'a>(particles: usize, rows: impl ExactSizeIterator<Item = &'a [u32]> + Clone) -> (Vec<u32>, Vec<u32>) {
     // Per particle, a bit set of the colours of the rows that contain it.
     let mut used: Vec<Vec<u64>> = vec![Vec::new(); particles];
     let mut color = Vec::with_capacity(rows.len());
@@ -23,10 +20,7 @@ pub(crate) fn color_rows<'a>(
                 *t |= w;
             }
         }
-        let word = taken
-            .iter()
-            .position(|&w| w != u64::MAX)
-            .unwrap_or(taken.len());
+        let word = taken.iter().position(|&w| w != u64::MAX).unwrap_or(taken.len());
         let bit = taken.get(word).map_or(0, |w| w.trailing_ones() as usize);
         for &i in row {
             let words = &mut used[i as usize];
@@ -78,9 +72,6 @@ mod tests {
     #[test]
     fn nothing_has_no_colours() {
         let none: [[u32; 2]; 0] = [];
-        assert_eq!(
-            color_rows(3, none.iter().map(|p| p.as_slice())),
-            (vec![], vec![0])
-        );
+        assert_eq!(color_rows(3, none.iter().map(|p| p.as_slice())), (vec![], vec![0]));
     }
 }

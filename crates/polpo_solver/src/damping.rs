@@ -18,20 +18,11 @@ pub fn damp_internally(particles: &mut Particles, dt: f32, rate: f32) {
     // Normalised, so that a body of millimetres is not taken for a singular one.
     let scale = total.inertia.x_axis.x + total.inertia.y_axis.y + total.inertia.z_axis.z;
     let scaled = total.inertia * (1.0 / scale);
-    let omega = if scaled.is_finite() && scaled.determinant() > 1e-9 {
-        scaled.inverse() * total.angular / scale
-    } else {
-        Vec3A::ZERO
-    };
+    let omega = if scaled.is_finite() && scaled.determinant() > 1e-9 { scaled.inverse() * total.angular / scale } else { Vec3A::ZERO };
     if !omega.is_finite() {
         return;
     }
-    for ((v, w), x) in particles
-        .velocity
-        .iter_mut()
-        .zip(&mut particles.angular_velocity)
-        .zip(&particles.position)
-    {
+    for ((v, w), x) in particles.velocity.iter_mut().zip(&mut particles.angular_velocity).zip(&particles.position) {
         let rigid = linear + omega.cross(*x - total.center);
         *v += (rigid - *v) * share;
         if omega != Vec3A::ZERO {
@@ -61,10 +52,7 @@ mod tests {
         assert!(after.linear.distance(before.linear) < 1e-5 * before.linear.length());
         assert!(after.angular.distance(before.angular) < 1e-4 * before.angular.length());
         let mut rigid = p.clone();
-        rigid.set_rigid_velocity(
-            after.linear / after.mass,
-            after.inertia.inverse() * after.angular,
-        );
+        rigid.set_rigid_velocity(after.linear / after.mass, after.inertia.inverse() * after.angular);
         let least = momentum(&rigid).kinetic_energy;
         assert!(after.kinetic_energy < before.kinetic_energy);
         assert!(after.kinetic_energy - least < 1e-3 * (before.kinetic_energy - least));

@@ -58,45 +58,25 @@ impl Edges {
         for (edge, &[a, b]) in pairs.iter().enumerate() {
             for particle in [a, b] {
                 if particle as usize >= count {
-                    return Err(EdgeError::Index {
-                        edge,
-                        particle,
-                        count,
-                    });
+                    return Err(EdgeError::Index { edge, particle, count });
                 }
             }
             if a == b {
                 return Err(EdgeError::Loop { edge, particle: a });
             }
         }
-        let mut sorted: Vec<(u32, u32, usize)> = pairs
-            .iter()
-            .enumerate()
-            .map(|(edge, &[a, b])| (a.min(b), a.max(b), edge))
-            .collect();
+        let mut sorted: Vec<(u32, u32, usize)> = pairs.iter().enumerate().map(|(edge, &[a, b])| (a.min(b), a.max(b), edge)).collect();
         sorted.sort_unstable();
         for two in sorted.windows(2) {
             if (two[0].0, two[0].1) == (two[1].0, two[1].1) {
-                return Err(EdgeError::Duplicate {
-                    edge: two[1].2,
-                    a: two[1].0,
-                    b: two[1].1,
-                });
+                return Err(EdgeError::Duplicate { edge: two[1].2, a: two[1].0, b: two[1].1 });
             }
         }
         let (order, colors) = color_rows(count, pairs.iter().map(|p| p.as_slice()));
         let pairs: Vec<[u32; 2]> = order.iter().map(|&e| pairs[e as usize]).collect();
-        let rest_length = pairs
-            .iter()
-            .map(|&[a, b]| {
-                particles.rest_position[a as usize].distance(particles.rest_position[b as usize])
-            })
-            .collect();
-        Ok(Self {
-            pairs,
-            rest_length,
-            colors,
-        })
+        let rest_length =
+            pairs.iter().map(|&[a, b]| particles.rest_position[a as usize].distance(particles.rest_position[b as usize])).collect();
+        Ok(Self { pairs, rest_length, colors })
     }
 
     /// Number of edges.
@@ -120,29 +100,9 @@ mod tests {
     #[test]
     fn bad_edges_are_named() {
         let p = line(3, 1.0, 0.1);
-        assert_eq!(
-            Edges::new(&p, &[[0, 1], [1, 3]]),
-            Err(EdgeError::Index {
-                edge: 1,
-                particle: 3,
-                count: 3
-            })
-        );
-        assert_eq!(
-            Edges::new(&p, &[[2, 2]]),
-            Err(EdgeError::Loop {
-                edge: 0,
-                particle: 2
-            })
-        );
-        assert_eq!(
-            Edges::new(&p, &[[0, 1], [1, 2], [1, 0]]),
-            Err(EdgeError::Duplicate {
-                edge: 2,
-                a: 0,
-                b: 1
-            })
-        );
+        assert_eq!(Edges::new(&p, &[[0, 1], [1, 3]]), Err(EdgeError::Index { edge: 1, particle: 3, count: 3 }));
+        assert_eq!(Edges::new(&p, &[[2, 2]]), Err(EdgeError::Loop { edge: 0, particle: 2 }));
+        assert_eq!(Edges::new(&p, &[[0, 1], [1, 2], [1, 0]]), Err(EdgeError::Duplicate { edge: 2, a: 0, b: 1 }));
     }
 
     #[test]

@@ -23,11 +23,7 @@ impl Ellipsoid {
         let local = self.orientation.inverse() * n;
         let scaled = self.radii * local;
         let h = scaled.length();
-        if h > 0.0 {
-            (h, self.orientation * (self.radii * scaled / h))
-        } else {
-            (0.0, Vec3A::ZERO)
-        }
+        if h > 0.0 { (h, self.orientation * (self.radii * scaled / h)) } else { (0.0, Vec3A::ZERO) }
     }
 
     /// Radius of the enveloping sphere \[m\].
@@ -44,10 +40,7 @@ mod tests {
 
     #[test]
     fn support_is_the_farthest_surface_point() {
-        let e = Ellipsoid {
-            radii: Vec3A::new(4.0, 1.0, 0.5),
-            orientation: quat_exp(Vec3A::new(0.4, -0.9, 1.3)),
-        };
+        let e = Ellipsoid { radii: Vec3A::new(4.0, 1.0, 0.5), orientation: quat_exp(Vec3A::new(0.4, -0.9, 1.3)) };
         let n = Vec3A::new(1.0, 2.0, -0.5).normalize();
         let (h, point) = e.support(n);
         assert!((point.dot(n) - h).abs() < 1e-5);
@@ -65,10 +58,7 @@ mod tests {
 
     #[test]
     fn a_sphere_reaches_its_radius_everywhere() {
-        let e = Ellipsoid {
-            radii: Vec3A::splat(0.3),
-            orientation: Quat::IDENTITY,
-        };
+        let e = Ellipsoid { radii: Vec3A::splat(0.3), orientation: Quat::IDENTITY };
         let n = Vec3A::new(0.6, 0.0, 0.8);
         let (h, p) = e.support(n);
         assert!((h - 0.3).abs() < 1e-7 && (p - 0.3 * n).length() < 1e-7);

@@ -46,11 +46,7 @@ impl ImplicitGroups {
             })
             .collect();
         let (order, colors) = color_rows(n, rings.iter().map(|r| r.as_slice()));
-        let mut groups = Self {
-            rows: vec![0],
-            colors,
-            ..Self::default()
-        };
+        let mut groups = Self { rows: vec![0], colors, ..Self::default() };
         for &g in &order {
             let ring = &rings[g as usize];
             let mut mass = 0.0;
@@ -61,10 +57,7 @@ impl ImplicitGroups {
             }
             center /= mass;
             groups.members.extend_from_slice(ring);
-            groups.rest.extend(
-                ring.iter()
-                    .map(|&i| particles.rest_position[i as usize] - center),
-            );
+            groups.rest.extend(ring.iter().map(|&i| particles.rest_position[i as usize] - center));
             groups.rows.push(groups.members.len() as u32);
             groups.inverse_mass.push(1.0 / mass);
             groups.rotation.push(particles.rotation[ring[0] as usize]);
@@ -103,11 +96,7 @@ mod tests {
         let p = line(4, 1.0, 0.1);
         let edges = Edges::new(&p, &[[0, 1], [1, 2], [2, 3]]).unwrap();
         let groups = ImplicitGroups::new(&p, &edges);
-        let mut rows: Vec<Vec<u32>> = groups
-            .rows
-            .windows(2)
-            .map(|r| groups.members[r[0] as usize..r[1] as usize].to_vec())
-            .collect();
+        let mut rows: Vec<Vec<u32>> = groups.rows.windows(2).map(|r| groups.members[r[0] as usize..r[1] as usize].to_vec()).collect();
         rows.sort();
         assert_eq!(rows, [vec![0, 1], vec![1, 0, 2], vec![2, 1, 3], vec![3, 2]]);
     }

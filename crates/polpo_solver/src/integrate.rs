@@ -11,26 +11,12 @@ use crate::{Particles, quat_log};
 ///
 /// e^(−kΔt) rather than a factor per step, so that the same k slows the same body equally at every time step. Range of `drag`: 0 (none) to infinity (stops at once).
 pub fn integrate(particles: &mut Particles, dt: f32, drag: f32) {
-    let keep = if drag > 0.0 {
-        libm::expf(-drag * dt)
-    } else {
-        1.0
-    };
-    for ((v, x), predicted) in particles
-        .velocity
-        .iter_mut()
-        .zip(&particles.position)
-        .zip(&particles.predicted_position)
-    {
+    let keep = if drag > 0.0 { libm::expf(-drag * dt) } else { 1.0 };
+    for ((v, x), predicted) in particles.velocity.iter_mut().zip(&particles.position).zip(&particles.predicted_position) {
         *v = (*v + (*x - *predicted) / dt) * keep;
     }
     let rate = keep / dt;
-    for ((omega, q), previous) in particles
-        .angular_velocity
-        .iter_mut()
-        .zip(&particles.rotation)
-        .zip(&particles.previous_rotation)
-    {
+    for ((omega, q), previous) in particles.angular_velocity.iter_mut().zip(&particles.rotation).zip(&particles.previous_rotation) {
         let turn: Quat = *q * previous.inverse();
         *omega = quat_log(turn) * rate;
     }
@@ -45,13 +31,8 @@ mod tests {
     #[test]
     fn drag_does_not_depend_on_the_time_step() {
         for rate in [30, 60, 240] {
-            let mut p = Particles::new(&[ParticleRest {
-                position: Vec3A::ZERO,
-                frame: Quat::IDENTITY,
-                radii: Vec3A::ONE,
-                mass: 1.0,
-            }])
-            .unwrap();
+            let mut p =
+                Particles::new(&[ParticleRest { position: Vec3A::ZERO, frame: Quat::IDENTITY, radii: Vec3A::ONE, mass: 1.0 }]).unwrap();
             p.velocity[0] = Vec3A::X;
             p.angular_velocity[0] = Vec3A::Y;
             let dt = 1.0 / rate as f32;

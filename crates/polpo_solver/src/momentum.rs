@@ -23,11 +23,7 @@ pub struct Momentum {
 
 /// Sums up what the particles carry. An empty body carries nothing.
 pub fn momentum(p: &Particles) -> Momentum {
-    let mut sum = Momentum {
-        center: p.center_of_mass(),
-        inertia: Mat3A::ZERO,
-        ..Momentum::default()
-    };
+    let mut sum = Momentum { center: p.center_of_mass(), inertia: Mat3A::ZERO, ..Momentum::default() };
     for i in 0..p.len() {
         let (m, v, omega) = (p.mass[i], p.velocity[i], p.angular_velocity[i]);
         let r = p.position[i] - sum.center;
@@ -70,8 +66,7 @@ pub fn fit_rigid(p: &Particles, guess: Quat) -> RigidFit {
         a += Mat3A::from_cols(d * r.x, d * r.y, d * r.z);
     }
     let rotation = extract_rotation(a, guess);
-    let largest = (0..p.len())
-        .map(|i| (rotation * (p.rest_position[i] - rest_center) + center).distance(p.position[i]))
-        .fold(0.0, f32::max);
+    let largest =
+        (0..p.len()).map(|i| (rotation * (p.rest_position[i] - rest_center) + center).distance(p.position[i])).fold(0.0, f32::max);
     RigidFit { rotation, largest }
 }

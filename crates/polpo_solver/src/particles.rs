@@ -120,18 +120,11 @@ impl Particles {
                 }
             }
             if !(p.mass.is_normal() && p.mass > 0.0 && (1.0 / p.mass).is_normal()) {
-                return Err(ParticleError::Mass {
-                    index,
-                    mass: p.mass,
-                });
+                return Err(ParticleError::Mass { index, mass: p.mass });
             }
             let inertia = 2.0 / 15.0 * p.mass * p.radii.length_squared();
-            if p.radii.min_element() <= 0.0 || !inertia.is_normal() || !(1.0 / inertia).is_normal()
-            {
-                return Err(ParticleError::Radii {
-                    index,
-                    radii: p.radii,
-                });
+            if p.radii.min_element() <= 0.0 || !inertia.is_normal() || !(1.0 / inertia).is_normal() {
+                return Err(ParticleError::Radii { index, radii: p.radii });
             }
             let length = p.frame.length();
             if (length - 1.0).abs() > 1e-3 {
@@ -170,10 +163,7 @@ impl Particles {
     /// The ellipsoid of particle `i` as it stands now, about its own centre.
     #[inline]
     pub fn ellipsoid(&self, i: usize) -> Ellipsoid {
-        Ellipsoid {
-            radii: self.radii[i],
-            orientation: self.rotation[i] * self.frame[i],
-        }
+        Ellipsoid { radii: self.radii[i], orientation: self.rotation[i] * self.frame[i] }
     }
 
     /// Total mass \[kg\].
@@ -194,11 +184,7 @@ impl Particles {
 
     /// Moves the origin by `shift` \[m\]: every position loses it.
     pub fn shift_origin(&mut self, shift: Vec3A) {
-        let arrays = [
-            &mut self.position,
-            &mut self.previous_position,
-            &mut self.predicted_position,
-        ];
+        let arrays = [&mut self.position, &mut self.previous_position, &mut self.predicted_position];
         for x in arrays.into_iter().flatten() {
             *x -= shift;
         }
@@ -240,55 +226,26 @@ mod tests {
     use super::*;
 
     fn particle() -> ParticleRest {
-        ParticleRest {
-            position: Vec3A::ZERO,
-            frame: Quat::IDENTITY,
-            radii: Vec3A::splat(0.1),
-            mass: 1.0,
-        }
+        ParticleRest { position: Vec3A::ZERO, frame: Quat::IDENTITY, radii: Vec3A::splat(0.1), mass: 1.0 }
     }
 
     #[test]
     fn bad_particles_are_named() {
         let good = particle();
         let cases = [
+            (ParticleRest { position: Vec3A::new(0.0, f32::NAN, 0.0), ..good }, "particle 1: position is not finite"),
+            (ParticleRest { mass: 0.0, ..good }, "particle 1: mass 0 kg is not positive and normal"),
+            (ParticleRest { mass: f32::INFINITY, ..good }, "particle 1: mass is not finite"),
             (
-                ParticleRest {
-                    position: Vec3A::new(0.0, f32::NAN, 0.0),
-                    ..good
-                },
-                "particle 1: position is not finite",
-            ),
-            (
-                ParticleRest { mass: 0.0, ..good },
-                "particle 1: mass 0 kg is not positive and normal",
-            ),
-            (
-                ParticleRest {
-                    mass: f32::INFINITY,
-                    ..good
-                },
-                "particle 1: mass is not finite",
-            ),
-            (
-                ParticleRest {
-                    frame: Quat::from_xyzw(0.0, 0.0, 0.0, 0.0),
-                    ..good
-                },
+                ParticleRest { frame: Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), ..good },
                 "particle 1: its frame is not a unit quaternion (length 0)",
             ),
         ];
         for (bad, message) in cases {
-            assert_eq!(
-                Particles::new(&[good, bad]).unwrap_err().to_string(),
-                message
-            );
+            assert_eq!(Particles::new(&[good, bad]).unwrap_err().to_string(), message);
         }
         assert!(matches!(
-            Particles::new(&[ParticleRest {
-                radii: Vec3A::new(0.1, 0.0, 0.1),
-                ..good
-            }]),
+            Particles::new(&[ParticleRest { radii: Vec3A::new(0.1, 0.0, 0.1), ..good }]),
             Err(ParticleError::Radii { index: 0, .. })
         ));
     }
@@ -301,14 +258,7 @@ mod tests {
 
     #[test]
     fn shifting_the_origin_keeps_the_body_where_it_is() {
-        let mut p = Particles::new(&[
-            particle(),
-            ParticleRest {
-                position: Vec3A::X,
-                ..particle()
-            },
-        ])
-        .unwrap();
+        let mut p = Particles::new(&[particle(), ParticleRest { position: Vec3A::X, ..particle() }]).unwrap();
         let com = p.center_of_mass();
         p.shift_origin(com);
         assert!(p.center_of_mass().length() < 1e-7);

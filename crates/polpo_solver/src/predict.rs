@@ -26,12 +26,7 @@ pub fn predict(particles: &mut Particles, acceleration: Vec3A, dt: f32) -> usize
         *predicted = *x;
     }
     let mut clamped = 0;
-    for ((q, previous), omega) in particles
-        .rotation
-        .iter_mut()
-        .zip(&mut particles.previous_rotation)
-        .zip(&mut particles.angular_velocity)
-    {
+    for ((q, previous), omega) in particles.rotation.iter_mut().zip(&mut particles.previous_rotation).zip(&mut particles.angular_velocity) {
         *previous = *q;
         if omega.length_squared() > limit * limit {
             *omega = omega.normalize_or_zero() * limit;
@@ -49,13 +44,7 @@ mod tests {
     use glam::Quat;
 
     fn one() -> Particles {
-        Particles::new(&[ParticleRest {
-            position: Vec3A::ZERO,
-            frame: Quat::IDENTITY,
-            radii: Vec3A::splat(0.1),
-            mass: 2.0,
-        }])
-        .unwrap()
+        Particles::new(&[ParticleRest { position: Vec3A::ZERO, frame: Quat::IDENTITY, radii: Vec3A::splat(0.1), mass: 2.0 }]).unwrap()
     }
 
     /// Symplectic Euler errs by exactly ½·g·Δt·t on a fall from rest.
@@ -68,11 +57,7 @@ mod tests {
             integrate(&mut p, dt, 0.0);
         }
         let expected = -0.5 * 9.81 - 0.5 * 9.81 * dt;
-        assert!(
-            (p.position[0].y - expected).abs() < 2e-5,
-            "{} against {expected}",
-            p.position[0].y
-        );
+        assert!((p.position[0].y - expected).abs() < 2e-5, "{} against {expected}", p.position[0].y);
     }
 
     #[test]

@@ -24,19 +24,10 @@ pub fn extract_rotation(a: Mat3A, guess: Quat) -> Quat {
     let scale = 1.0 / norm2.sqrt();
     if !(scale.is_finite() && scale > 0.0) {
         // Under- or overflow of the square: once more, from entries near one.
-        let largest = a
-            .x_axis
-            .abs()
-            .max(a.y_axis.abs())
-            .max(a.z_axis.abs())
-            .max_element();
+        let largest = a.x_axis.abs().max(a.y_axis.abs()).max(a.z_axis.abs()).max_element();
         return if largest.is_finite() && largest > 0.0 {
             let b = Mat3A::from_cols(a.x_axis / largest, a.y_axis / largest, a.z_axis / largest);
-            if b.is_finite() {
-                extract_rotation(b, guess)
-            } else {
-                guess
-            }
+            if b.is_finite() { extract_rotation(b, guess) } else { guess }
         } else {
             guess
         };
@@ -45,11 +36,7 @@ pub fn extract_rotation(a: Mat3A, guess: Quat) -> Quat {
     let mut q = guess;
     for _ in 0..MAX_STEPS {
         let m = a * Mat3A::from_quat(q).transpose();
-        let g = Vec3A::new(
-            m.y_axis.z - m.z_axis.y,
-            m.z_axis.x - m.x_axis.z,
-            m.x_axis.y - m.y_axis.x,
-        );
+        let g = Vec3A::new(m.y_axis.z - m.z_axis.y, m.z_axis.x - m.x_axis.z, m.x_axis.y - m.y_axis.x);
         let h = Symmetric {
             xx: m.y_axis.y + m.z_axis.z,
             yy: m.x_axis.x + m.z_axis.z,
@@ -60,11 +47,7 @@ pub fn extract_rotation(a: Mat3A, guess: Quat) -> Quat {
         };
         let step = h.solve_positive(g).unwrap_or_else(|| h.solve_absolute(g));
         let length2 = step.length_squared();
-        let step = if length2 > STEP_CAP * STEP_CAP {
-            step * (STEP_CAP / length2.sqrt())
-        } else {
-            step
-        };
+        let step = if length2 > STEP_CAP * STEP_CAP { step * (STEP_CAP / length2.sqrt()) } else { step };
         // (w/2, 1), normalised, turns by 2·atan(|w|/2): w up to third order, and shorter where w is long.
         let half = 0.5 * step;
         q = (Quat::from_xyzw(half.x, half.y, half.z, 1.0) * q).normalize();
@@ -101,13 +84,7 @@ impl Symmetric {
         // too close to zero for single precision.
         if self.xx > 0.0 && c22 > 0.0 && det > 1e-5 {
             let d = 1.0 / det;
-            Some(
-                Vec3A::new(
-                    c00 * g.x + c01 * g.y + c02 * g.z,
-                    c01 * g.x + c11 * g.y + c12 * g.z,
-                    c02 * g.x + c12 * g.y + c22 * g.z,
-                ) * d,
-            )
+            Some(Vec3A::new(c00 * g.x + c01 * g.y + c02 * g.z, c01 * g.x + c11 * g.y + c12 * g.z, c02 * g.x + c12 * g.y + c22 * g.z) * d)
         } else {
             None
         }
@@ -118,9 +95,7 @@ impl Symmetric {
     fn solve_absolute(&self, g: Vec3A) -> Vec3A {
         let (values, vectors) = self.eigen();
         if g.length_squared() < 1e-10 {
-            let lowest = (0..3)
-                .min_by(|&i, &j| values[i].total_cmp(&values[j]))
-                .unwrap_or(0);
+            let lowest = (0..3).min_by(|&i, &j| values[i].total_cmp(&values[j])).unwrap_or(0);
             if values[lowest] < -1e-3 {
                 return vectors[lowest] * 0.5;
             }
@@ -135,11 +110,7 @@ impl Symmetric {
 
     /// Eigenvalues and eigenvectors by cyclic Jacobi rotations.
     fn eigen(&self) -> ([f32; 3], [Vec3A; 3]) {
-        let mut a = [
-            [self.xx, self.xy, self.xz],
-            [self.xy, self.yy, self.yz],
-            [self.xz, self.yz, self.zz],
-        ];
+        let mut a = [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]];
         let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0f32]];
         for _ in 0..6 {
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
@@ -167,10 +138,7 @@ impl Symmetric {
                 }
             }
         }
-        (
-            [a[0][0], a[1][1], a[2][2]],
-            [0, 1, 2].map(|k| Vec3A::new(v[0][k], v[1][k], v[2][k])),
-        )
+        ([a[0][0], a[1][1], a[2][2]], [0, 1, 2].map(|k| Vec3A::new(v[0][k], v[1][k], v[2][k])))
     }
 }
 
@@ -192,14 +160,7 @@ mod tests {
     #[test]
     fn finds_the_polar_rotation_from_any_start() {
         let mut random = Random(1);
-        for spectrum in [
-            [1.0, 1.0, 1.0],
-            [1.0, 0.5, 0.2],
-            [1.0, 0.1, 0.1],
-            [1.0, 0.02, 0.01],
-            [1.0, 1.0, 0.0],
-            [1.0, 0.6, -0.3],
-        ] {
+        for spectrum in [[1.0, 1.0, 1.0], [1.0, 0.5, 0.2], [1.0, 0.1, 0.1], [1.0, 0.02, 0.01], [1.0, 1.0, 0.0], [1.0, 0.6, -0.3]] {
             for scale in [1e-20f32, 1e-6, 1.0, 1e6, 1e15] {
                 for _ in 0..50 {
                     let r = quat_exp(random.vector() * 3.0);
@@ -208,11 +169,7 @@ mod tests {
                     let a = Mat3A::from_quat(r) * u * diagonal(x, y, z) * u.transpose();
                     let found = extract_rotation(a, quat_exp(random.vector() * 3.0));
                     let tolerance = 2e-6 / (spectrum[1] + spectrum[2]).min(1.0) + 2e-6;
-                    assert!(
-                        angle(found, r) < tolerance,
-                        "{spectrum:?}·{scale}: off by {} rad",
-                        angle(found, r)
-                    );
+                    assert!(angle(found, r) < tolerance, "{spectrum:?}·{scale}: off by {} rad", angle(found, r));
                 }
             }
         }
@@ -238,11 +195,7 @@ mod tests {
     #[test]
     fn nonsense_returns_the_guess() {
         let guess = quat_exp(Vec3A::new(0.1, 0.2, 0.3));
-        for a in [
-            Mat3A::ZERO,
-            diagonal(f32::NAN, 1.0, 1.0),
-            diagonal(f32::INFINITY, 1.0, 1.0),
-        ] {
+        for a in [Mat3A::ZERO, diagonal(f32::NAN, 1.0, 1.0), diagonal(f32::INFINITY, 1.0, 1.0)] {
             assert_eq!(extract_rotation(a, guess), guess);
         }
     }

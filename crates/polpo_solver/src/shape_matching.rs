@@ -67,11 +67,7 @@ fn turn_towards(q: Quat, goal: Quat, t: f32) -> Quat {
     let goal = if q.dot(goal) < 0.0 { -goal } else { goal };
     let sum = q * (1.0 - t) + goal * t;
     let length2 = sum.length_squared();
-    if length2 > 1e-12 {
-        sum * (1.0 / length2.sqrt())
-    } else {
-        q
-    }
+    if length2 > 1e-12 { sum * (1.0 / length2.sqrt()) } else { q }
 }
 
 #[cfg(test)]
@@ -88,10 +84,7 @@ mod tests {
     fn an_undeformed_body_is_left_alone_wherever_it_is() {
         let (mut p, pairs) = blob();
         let mut groups = groups_of(&p, &pairs);
-        p.place(
-            quat_exp(Vec3A::new(0.5, -1.2, 0.7)),
-            Vec3A::new(0.3, -0.2, 0.9),
-        );
+        p.place(quat_exp(Vec3A::new(0.5, -1.2, 0.7)), Vec3A::new(0.3, -0.2, 0.9));
         let before = p.clone();
         match_shapes(&mut groups, &mut p, 1.0);
         for i in 0..p.len() {
@@ -139,32 +132,18 @@ mod tests {
         let mut p = line(3, 1.0, 0.3);
         let mut groups = groups_of(&p, &[[0, 1], [1, 2]]);
         p.position[2] = Vec3A::new(1.8, 0.5, 0.0) + p.position[0];
-        let bend = |p: &Particles| {
-            (p.position[2] - p.position[1])
-                .normalize()
-                .cross((p.position[1] - p.position[0]).normalize())
-                .length()
-        };
+        let bend = |p: &Particles| (p.position[2] - p.position[1]).normalize().cross((p.position[1] - p.position[0]).normalize()).length();
         let before = bend(&p);
         for _ in 0..50 {
             match_shapes(&mut groups, &mut p, 1.0);
         }
-        assert!(
-            before > 0.3 && bend(&p) < 1e-3 * before,
-            "{before} → {}",
-            bend(&p)
-        );
+        assert!(before > 0.3 && bend(&p) < 1e-3 * before, "{before} → {}", bend(&p));
     }
 
     #[test]
     fn collapsed_and_inverted_groups_recover() {
         let (rest, pairs) = blob();
-        for collapse in [
-            Vec3A::ZERO,
-            Vec3A::new(1.0, 1.0, 0.0),
-            Vec3A::new(1.0, 1.0, -1.0),
-            -Vec3A::ONE,
-        ] {
+        for collapse in [Vec3A::ZERO, Vec3A::new(1.0, 1.0, 0.0), Vec3A::new(1.0, 1.0, -1.0), -Vec3A::ONE] {
             let mut p = rest.clone();
             let mut groups = groups_of(&p, &pairs);
             for x in &mut p.position {
@@ -175,11 +154,7 @@ mod tests {
             }
             assert!(p.is_finite());
             let fit = crate::fit_rigid(&p, Quat::IDENTITY);
-            assert!(
-                fit.largest < 0.02,
-                "{collapse}: {} m from its shape",
-                fit.largest
-            );
+            assert!(fit.largest < 0.02, "{collapse}: {} m from its shape", fit.largest);
         }
     }
 }

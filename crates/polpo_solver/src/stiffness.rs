@@ -16,11 +16,7 @@ pub fn stiffness_fraction(frequency: f32, dt: f32) -> f32 {
     }
     let x = TAU * frequency * dt;
     let x2 = x * x;
-    if frequency > 0.0 && x2 > 0.0 {
-        if x2.is_finite() { x2 / (1.0 + x2) } else { 1.0 }
-    } else {
-        0.0
-    }
+    if frequency > 0.0 && x2 > 0.0 { if x2.is_finite() { x2 / (1.0 + x2) } else { 1.0 } } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -55,12 +51,8 @@ mod tests {
                 }
                 last = x;
             }
-            let measured = 0.5 * (crossings.len() - 1) as f32
-                / (crossings[crossings.len() - 1] - crossings[0]);
-            assert!(
-                (measured - expected).abs() < 0.01,
-                "{rate} Hz: {measured} against {expected}"
-            );
+            let measured = 0.5 * (crossings.len() - 1) as f32 / (crossings[crossings.len() - 1] - crossings[0]);
+            assert!((measured - expected).abs() < 0.01, "{rate} Hz: {measured} against {expected}");
         }
     }
 }

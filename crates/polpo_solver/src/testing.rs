@@ -26,12 +26,7 @@ impl Random {
 /// `n` balls of `radius` on the x axis, `spacing` apart, 1 kg each.
 pub(crate) fn line(n: usize, spacing: f32, radius: f32) -> Particles {
     let rest: Vec<ParticleRest> = (0..n)
-        .map(|i| ParticleRest {
-            position: Vec3A::X * (i as f32 * spacing),
-            frame: Quat::IDENTITY,
-            radii: Vec3A::splat(radius),
-            mass: 1.0,
-        })
+        .map(|i| ParticleRest { position: Vec3A::X * (i as f32 * spacing), frame: Quat::IDENTITY, radii: Vec3A::splat(radius), mass: 1.0 })
         .collect();
     Particles::new(&rest).unwrap()
 }
@@ -44,8 +39,7 @@ pub(crate) fn blob() -> (Particles, Vec<[u32; 2]>) {
         for y in 0..3 {
             for x in 0..3 {
                 rest.push(ParticleRest {
-                    position: Vec3A::new(x as f32, y as f32, z as f32) * 0.2
-                        + random.vector() * 0.02,
+                    position: Vec3A::new(x as f32, y as f32, z as f32) * 0.2 + random.vector() * 0.02,
                     frame: quat_exp(random.vector() * 2.0),
                     radii: Vec3A::splat(0.1) + random.vector() * 0.05,
                     mass: 1.0 + 0.5 * random.signed(),

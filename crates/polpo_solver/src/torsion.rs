@@ -46,25 +46,12 @@ mod tests {
     #[test]
     fn spin_is_conserved_at_unequal_inertias() {
         let rest = [
-            ParticleRest {
-                position: Vec3A::ZERO,
-                frame: Quat::IDENTITY,
-                radii: Vec3A::splat(0.3),
-                mass: 5.0,
-            },
-            ParticleRest {
-                position: Vec3A::new(1.0, 2.0, 2.0),
-                frame: Quat::IDENTITY,
-                radii: Vec3A::splat(0.1),
-                mass: 1.0,
-            },
+            ParticleRest { position: Vec3A::ZERO, frame: Quat::IDENTITY, radii: Vec3A::splat(0.3), mass: 5.0 },
+            ParticleRest { position: Vec3A::new(1.0, 2.0, 2.0), frame: Quat::IDENTITY, radii: Vec3A::splat(0.1), mass: 1.0 },
         ];
         let mut p = Particles::new(&rest).unwrap();
         let edges = Edges::new(&p, &[[0, 1]]).unwrap();
-        p.rotation = vec![
-            quat_exp(Vec3A::new(0.2, 0.1, -0.3)),
-            quat_exp(Vec3A::new(-0.5, 0.4, 0.6)),
-        ];
+        p.rotation = vec![quat_exp(Vec3A::new(0.2, 0.1, -0.3)), quat_exp(Vec3A::new(-0.5, 0.4, 0.6))];
         let before = p.rotation.clone();
         solve_torsion(&edges, &mut p, 0.8);
         let spin = |i: usize| quat_log(p.rotation[i] * before[i].inverse()) / p.inverse_inertia[i];

@@ -1,0 +1,352 @@
+//! What ties a mesh to its particles and never changes: rest vertices, influences and per-particle extents, checked once and packed for both kernels.
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use crate::bounds::RestExtent;
+
+/// How far four weights may be from summing to one \[1\] before a vertex is refused. Within it they are scaled to one.
+pub const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;
+
+/// The most particles one binding can address: indices are packed into 16 bits.
+pub const MAX_PARTICLES: usize = 1 << 16;
+
+/// One rest vertex, packed: 40 bytes, read word by word by the shader.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct RestVertex {
+    /// Rest position relative to [`Binding::origin`] \[m\].
+    pub position: [f32; 3],
+    /// Rest normal as the mesh has it; zero where the mesh has none.
+    pub normal: [f32; 3],
+    /// Four particle indices of 16 bits, the lower half of each word first.
+    pub particles: [u32; 2],
+    /// Four weights in units of 1/65535, likewise. They sum to exactly 65535.
+    pub weights: [u32; 2],
+}
+
+impl RestVertex {
+    /// The index of influence `slot` (0 to 3).
+    pub fn particle(&self, slot: usize) -> u32 {
+        half(self.particles, slot)
+    }
+
+    /// The weight of influence `slot` (0 to 3) \[1\].
+    pub fn weight(&self, slot: usize) -> f32 {
+        half(self.weights, slot) as f32 / 65535.0
+    }
+}
+
+fn half(words: [u32; 2], slot: usize) -> u32 {
+    (words[slot >> 1] >> ((slot & 1) * 16)) & 0xffff
+}
+
+fn pack(halves: [u32; 4]) -> [u32; 2] {
+    [halves[0] | halves[1] << 16, halves[2] | halves[3] << 16]
+}
+
+/// The rest mesh as the engine has it. All slices are per vertex.
+#[derive(Clone, Copy, Debug)]
+pub struct RestMesh<'a> {
+    /// Rest positions [m in the mesh's own units].
+    pub positions: &'a [[f32; 3]],
+    /// Rest normals, one per vertex, or empty: then no normals are written.
+    pub normals: &'a [[f32; 3]],
+    /// Rest tangents with the handedness in the fourth component (which skinning leaves alone), one per vertex, or empty.
+    pub tangents: &'a [[f32; 4]],
+}
+
+/// Why a mesh cannot be bound to its particles.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BindingError {
+    /// The mesh has no vertices, or the body no particles.
+    #[error("nothing to skin: {vertices} vertices, {particles} particles")]
+    Empty {
+        /// Vertices of the mesh.
+        vertices: usize,
+        /// Particles of the body.
+        particles: usize,
+    },
+    /// A per-vertex array is not as long as the mesh's positions.
+    #[error("{what}: {found} entries for {vertices} vertices")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length it must have.
+        vertices: usize,
+    },
+    /// More particles than 16-bit indices can address.
+    #[error("{found} particles; one body can have {MAX_PARTICLES}")]
+    TooManyParticles {
+        /// Particles of the body.
+        found: usize,
+    },
+    /// A vertex follows a particle that does not exist.
+    #[error("vertex {vertex}, influence {slot}: particle {particle} of {particles}")]
+    ParticleIndex {
+        /// Which vertex.
+        vertex: usize,
+        /// Which of its four influences.
+        slot: usize,
+        /// The index given.
+        particle: u32,
+        /// How many particles there are.
+        particles: usize,
+    },
+    /// A weight is not a number, infinite or negative.
+    #[error("vertex {vertex}, influence {slot}: weight {weight}")]
+    Weight {
+        /// Which vertex.
+        vertex: usize,
+        /// Which of its four influences.
+        slot: usize,
+        /// The weight given.
+        weight: f32,
+    },
+    /// The weights of a vertex do not sum to one within [`WEIGHT_SUM_TOLERANCE`].
+    #[error("vertex {vertex}: its weights sum to {sum}, not 1")]
+    WeightSum {
+        /// Which vertex.
+        vertex: usize,
+        /// What they sum to.
+        sum: f32,
+    },
+    /// A rest position, normal, tangent or particle position is not finite.
+    #[error("{what} {index} is not finite")]
+    NotFinite {
+        /// Which array.
+        what: &'static str,
+        /// Which item.
+        index: usize,
+    },
+}
+
+/// A mesh bound to its particles: immutable, shared by every body of the same mesh and rig.
+#[derive(Clone, Debug)]
+pub struct Binding {
+    origin: Vec3,
+    vertices: Vec<RestVertex>,
+    tangents: Vec<[f32; 3]>,
+    has_normals: bool,
+    particles: Vec<Vec3>,
+    extents: Vec<RestExtent>,
+}
+
+impl Binding {
+    /// Checks and packs.
+    ///
+    /// * `particles`: rest positions of the body's particles \[m\], in the mesh's own space; 1 to 65536.
+    /// * `influences`: for each vertex four particle indices and four weights \[1\]. Weights are finite, at least 0 and sum to 1; unused slots have weight 0 and any valid index.
+    ///
+    /// Weights are rounded to 1/65535 such that they still sum to one exactly (the largest takes the rest): a rigid motion stays rigid, and a vertex is off by at most
+    /// 3/131070 of the distance between its influences' opinions of where it belongs.
+    pub fn new(
+        mesh: RestMesh<'_>,
+        particles: &[Vec3],
+        influences: impl ExactSizeIterator<Item = ([u32; 4], [f32; 4])>,
+    ) -> Result<Self, BindingError> {
+        check_mesh(&mesh, particles, influences.len())?;
+
+        let first = Vec3::from(mesh.positions[0]);
+        let (min, max) = mesh
+            .positions
+            .iter()
+            .map(|&position| Vec3::from(position))
+            .fold((first, first), |(min, max), position| (min.min(position), max.max(position)));
+        let origin = 0.5 * min + 0.5 * max;
+        let particles: Vec<Vec3> = particles.iter().map(|particle| particle - origin).collect();
+
+        let mut vertices = Vec::with_capacity(mesh.positions.len());
+        let mut extents = vec![RestExtent::NONE; particles.len()];
+        for (vertex, (indices, weights)) in influences.enumerate() {
+            let position = Vec3::from(mesh.positions[vertex]) - origin;
+            for (slot, &particle) in indices.iter().enumerate() {
+                let Some(rest) = particles.get(particle as usize) else {
+                    return Err(BindingError::ParticleIndex { vertex, slot, particle, particles: particles.len() });
+                };
+                if weights[slot] > 0.0 {
+                    extents[particle as usize].include(position, *rest);
+                }
+            }
+            vertices.push(RestVertex {
+                position: position.into(),
+                normal: mesh.normals.get(vertex).copied().unwrap_or([0.0; 3]),
+                particles: pack(indices),
+                weights: pack(quantise(vertex, weights)?),
+            });
+        }
+        Ok(Self {
+            origin,
+            vertices,
+            tangents: mesh.tangents.iter().map(|&[x, y, z, _]| [x, y, z]).collect(),
+            has_normals: !mesh.normals.is_empty(),
+            particles,
+            extents,
+        })
+    }
+
+    /// The middle of the rest mesh's box [m, in the mesh's space]; rest data is stored relative to it.
+    pub fn origin(&self) -> Vec3 {
+        self.origin
+    }
+
+    /// The packed rest vertices, in the mesh's order.
+    pub fn vertices(&self) -> &[RestVertex] {
+        &self.vertices
+    }
+
+    /// The rest tangents without handedness, one per vertex, or empty.
+    pub fn tangents(&self) -> &[[f32; 3]] {
+        &self.tangents
+    }
+
+    /// Whether the rest mesh has normals.
+    pub fn has_normals(&self) -> bool {
+        self.has_normals
+    }
+
+    /// Rest positions of the particles relative to [`Self::origin`] \[m\]: what [`ParticleTransform::new`](crate::ParticleTransform::new) takes as `rest`.
+    pub fn rest_particles(&self) -> &[Vec3] {
+        &self.particles
+    }
+
+    /// ρ_k: the largest distance of a rest vertex that follows particle k from its rest position \[m\]; 0 where none does.
+    ///
+    /// # Panics
+    /// If `particle` is not an index of this binding.
+    pub fn skin_radius(&self, particle: usize) -> f32 {
+        self.extents[particle].radius()
+    }
+
+    pub(crate) fn extents(&self) -> &[RestExtent] {
+        &self.extents
+    }
+}
+
+fn check_mesh(mesh: &RestMesh<'_>, particles: &[Vec3], influences: usize) -> Result<(), BindingError> {
+    let vertices = mesh.positions.len();
+    if vertices == 0 || particles.is_empty() {
+        return Err(BindingError::Empty { vertices, particles: particles.len() });
+    }
+    if particles.len() > MAX_PARTICLES {
+        return Err(BindingError::TooManyParticles { found: particles.len() });
+    }
+    let lengths = [("influences", influences, false), ("normals", mesh.normals.len(), true), ("tangents", mesh.tangents.len(), true)];
+    for (what, found, may_be_empty) in lengths {
+        if found != vertices && !(may_be_empty && found == 0) {
+            return Err(BindingError::Length { what, found, vertices });
+        }
+    }
+    let not_finite = |what, index| BindingError::NotFinite { what, index };
+    fn first_bad<const N: usize>(items: &[[f32; N]]) -> Option<usize> {
+        items.iter().position(|item| item.iter().any(|x| !x.is_finite()))
+    }
+    if let Some(index) = first_bad(mesh.positions) {
+        return Err(not_finite("position", index));
+    }
+    if let Some(index) = first_bad(mesh.normals) {
+        return Err(not_finite("normal", index));
+    }
+    if let Some(index) = first_bad(mesh.tangents) {
+        return Err(not_finite("tangent", index));
+    }
+    if let Some(index) = particles.iter().position(|particle| !particle.is_finite()) {
+        return Err(not_finite("particle", index));
+    }
+    Ok(())
+}
+
+/// Weights in units of 1/65535 that sum to exactly 65535; the largest takes what rounding left.
+fn quantise(vertex: usize, weights: [f32; 4]) -> Result<[u32; 4], BindingError> {
+    for (slot, &weight) in weights.iter().enumerate() {
+        if !weight.is_finite() || weight < 0.0 {
+            return Err(BindingError::Weight { vertex, slot, weight });
+        }
+    }
+    let sum: f32 = weights.iter().sum();
+    if (sum - 1.0).abs() > WEIGHT_SUM_TOLERANCE {
+        return Err(BindingError::WeightSum { vertex, sum });
+    }
+    let mut units = weights.map(|weight| (weight / sum * 65535.0 + 0.5).floor() as u32);
+    let mut largest = 0;
+    for slot in 1..4 {
+        if units[slot] > units[largest] {
+            largest = slot;
+        }
+    }
+    // The largest is at least a quarter of the whole and the rounding of the others at most 2 units, so this neither wraps nor goes negative.
+    let others: u32 = units.iter().sum::<u32>() - units[largest];
+    units[largest] = 65535 - others;
+    Ok(units)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+
+    fn bind(influences: Vec<([u32; 4], [f32; 4])>) -> Result<Binding, BindingError> {
+        let mesh = RestMesh { positions: &TRIANGLE, normals: &[], tangents: &[] };
+        Binding::new(mesh, &[Vec3::ZERO, Vec3::X], influences.into_iter())
+    }
+
+    fn whole(particle: u32) -> ([u32; 4], [f32; 4]) {
+        ([particle; 4], [1.0, 0.0, 0.0, 0.0])
+    }
+
+    #[test]
+    fn weights_sum_to_one_after_packing() {
+        for weights in
+            [[0.25; 4], [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 0.0], [0.999_99, 0.000_01, 0.0, 0.0], [0.4, 0.3, 0.2, 0.1], [0.0, 0.0, 0.0, 1.0]]
+        {
+            let units = quantise(0, weights).expect("valid weights");
+            assert_eq!(units.iter().sum::<u32>(), 65535);
+            for (unit, weight) in units.iter().zip(weights) {
+                assert!((*unit as f32 / 65535.0 - weight).abs() <= 3.0 / 131_070.0);
+            }
+        }
+    }
+
+    #[test]
+    fn packs_and_unpacks_influences() {
+        let binding = bind(vec![([1, 0, 1, 0], [0.4, 0.3, 0.2, 0.1]), whole(0), whole(1)]).expect("valid binding");
+        let vertex = binding.vertices()[0];
+        assert_eq!([0, 1, 2, 3].map(|slot| vertex.particle(slot)), [1, 0, 1, 0]);
+        for (slot, weight) in [0.4, 0.3, 0.2, 0.1].into_iter().enumerate() {
+            assert!((vertex.weight(slot) - weight).abs() < 2e-5);
+        }
+    }
+
+    #[test]
+    fn skin_radius_is_the_farthest_follower() {
+        let binding = bind(vec![whole(0), whole(0), whole(0)]).expect("valid binding");
+        assert_eq!(binding.skin_radius(0), 2.0);
+        assert_eq!(binding.skin_radius(1), 0.0);
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        assert_eq!(
+            bind(vec![whole(0), whole(2), whole(0)]).unwrap_err(),
+            BindingError::ParticleIndex { vertex: 1, slot: 0, particle: 2, particles: 2 }
+        );
+        assert_eq!(bind(vec![whole(0), whole(0)]).unwrap_err(), BindingError::Length { what: "influences", found: 2, vertices: 3 });
+        assert!(matches!(bind(vec![whole(0), ([0; 4], [0.5, 0.4, 0.0, 0.0]), whole(0)]), Err(BindingError::WeightSum { vertex: 1, .. })));
+        for bad in [f32::NAN, f32::INFINITY, -0.5] {
+            assert!(matches!(
+                bind(vec![whole(0), whole(0), ([0; 4], [1.0, bad, 0.0, 0.0])]),
+                Err(BindingError::Weight { vertex: 2, slot: 1, .. })
+            ));
+        }
+        let mesh = RestMesh { positions: &[[0.0, f32::NAN, 0.0]], normals: &[], tangents: &[] };
+        assert_eq!(
+            Binding::new(mesh, &[Vec3::ZERO], [whole(0)].into_iter()).unwrap_err(),
+            BindingError::NotFinite { what: "position", index: 0 }
+        );
+        let mesh = RestMesh { positions: &[], ..mesh };
+        assert_eq!(Binding::new(mesh, &[Vec3::ZERO], [].into_iter()).unwrap_err(), BindingError::Empty { vertices: 0, particles: 1 });
+    }
+}

@@ -1,0 +1,5 @@
+//! The kernels on a small synthetic body: the CPU mirror against theory, the shader against the mirror.
+
+mod body;
+mod gpu_matches_cpu;
+mod kernels;

@@ -1,1 +1,73 @@
 //! Soft bodies made of few, oriented, ellipsoidal particles, as a Bevy ECS plugin.
+//!
+//! Add [`PolpoPlugin`], spawn a [`SoftBody`] with a rig, and it falls:
+//!
+//! ```
+//! use bevy::prelude::*;
+//! use polpo::prelude::*;
+//! use std::sync::Arc;
+//!
+//! # fn rig() -> polpo_rig::Rig {
+//! #     use polpo_rig::{MeshHash, Particle, Rig};
+//! #     let particle = |x| Particle { position: Vec3::X * x, frame: Quat::IDENTITY, radii: Vec3::splat(0.1), mass: 1.0 };
+//! #     Rig { mesh_hash: MeshHash(0), particles: vec![particle(0.0), particle(0.2)], edges: vec![[0, 1]], skin: vec![] }
+//! # }
+//! let mut app = App::new();
+//! app.add_plugins((MinimalPlugins, PolpoPlugin::default()));
+//! app.world_mut().spawn((SoftBody::new(Arc::new(rig())), Transform::from_xyz(0.0, 2.0, 0.0)));
+//! app.update();
+//! ```
+//!
+//! # One capability, one component
+//!
+//! What a body can do is what it has: [`ShapeMatching`] holds its shape, [`DistanceConstraints`] the length of its edges, [`Torsion`] resists twist, [`Damping`] lets its wobble die,
+//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it. Remove the component and neither its code nor its data is there any more. The first four come with every
+//! [`SoftBody`]; put your own values beside it when you spawn it.
+//!
+//! # The step
+//!
+//! The step runs in `FixedPostUpdate`, or in any schedule named in [`PolpoPlugin::new`]; [`PolpoSystems`] lists its phases in their order, and a system of yours may go between any two.
+
+mod bodies;
+mod collision;
+mod damping;
+mod distance;
+mod freeze;
+mod grab;
+mod gravity;
+mod integrate;
+mod particles;
+mod predict;
+mod schedule;
+mod shape_matching;
+mod state_hash;
+mod timings;
+mod torsion;
+mod writeback;
+
+#[cfg(feature = "render")]
+pub mod render;
+
+pub use bodies::{RejectReason, SoftBody, SoftBodyRejected};
+pub use collision::{Collision, Contacts};
+pub use damping::Damping;
+pub use distance::DistanceConstraints;
+pub use freeze::{BodyFrozen, Frozen};
+pub use grab::Grab;
+pub use gravity::{Gravity, GravityScale};
+pub use particles::{Edges, Particles, StepStart};
+pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
+pub use shape_matching::{ImplicitGroups, ShapeMatching};
+pub use state_hash::state_hash;
+pub use timings::{PolpoTimingsPlugin, StepTimings};
+pub use torsion::Torsion;
+
+/// What a game needs at hand.
+pub mod prelude {
+    #[cfg(feature = "render")]
+    pub use crate::render::PolpoRenderPlugin;
+    pub use crate::{
+        BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, PolpoPlugin, PolpoSystems, ShapeMatching,
+        SoftBody, SolverSettings, Torsion,
+    };
+}

@@ -1,0 +1,117 @@
+//! The component that makes an entity a soft body, and what happens when it is inserted.
+
+use std::sync::Arc;
+
+use bevy::math::Vec3A;
+use bevy::prelude::*;
+use polpo_rig::{Rig, RigError};
+use polpo_solver::{ParticleError, ParticleRest};
+
+use crate::{Collision, Damping, DistanceConstraints, Frozen, Particles, ShapeMatching, StepStart, Torsion};
+
+/// Makes an entity a soft body.
+///
+/// When it is inserted, the rig becomes [`Particles`] at the entity's `Transform`: its rotation and (uniform, positive) scale are taken into the particles, and from then on the `Transform` has
+/// neither: its translation follows the centre of mass. Moving the translation by hand moves the whole body. The entity should have no parent that moves.
+///
+/// Inserting it again, with another rig say, builds the body anew.
+///
+/// A rig that cannot be simulated, or a transform that is not finite or not uniformly scaled, is refused with the event [`SoftBodyRejected`] and an error in the log; the entity then just does not
+/// move.
+#[derive(Component, Debug, Clone)]
+#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision)]
+pub struct SoftBody {
+    /// What the body is made of; shared by all bodies made from it.
+    pub rig: Arc<Rig>,
+}
+
+impl SoftBody {
+    /// A body made from `rig`.
+    pub fn new(rig: impl Into<Arc<Rig>>) -> Self {
+        Self { rig: rig.into() }
+    }
+}
+
+/// Why a [`SoftBody`] could not be built.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RejectReason {
+    /// The rig is not whole.
+    #[error("{0}")]
+    Rig(String),
+    /// A particle of the rig, scaled by the transform, cannot be simulated.
+    #[error("{0}")]
+    Particle(#[from] ParticleError),
+    /// The transform is not finite, or its scale is not uniform and positive.
+    #[error(
+        "its transform has translation {translation}, rotation {rotation}, scale {scale}: it must be finite and uniformly, positively scaled"
+    )]
+    Transform {
+        /// Where it was to be.
+        translation: Vec3,
+        /// How it was turned.
+        rotation: Quat,
+        /// How it was scaled.
+        scale: Vec3,
+    },
+}
+
+impl From<RigError> for RejectReason {
+    fn from(error: RigError) -> Self {
+        Self::Rig(error.to_string())
+    }
+}
+
+/// Triggered on an entity whose [`SoftBody`] could not be built.
+#[derive(EntityEvent, Debug, Clone)]
+pub struct SoftBodyRejected {
+    /// The entity.
+    pub entity: Entity,
+    /// What was wrong with it.
+    pub reason: RejectReason,
+}
+
+/// Builds the particles as soon as a [`SoftBody`] is inserted.
+pub(crate) fn build_body(insert: On<Insert, SoftBody>, mut commands: Commands, mut bodies: Query<(&SoftBody, &mut Transform)>) {
+    let entity = insert.entity;
+    let Ok((body, mut transform)) = bodies.get_mut(entity) else {
+        return;
+    };
+    match particles_at(&body.rig, &transform) {
+        Ok((particles, origin)) => {
+            *transform = Transform::from_translation(origin);
+            let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone() };
+            commands.entity(entity).remove::<(crate::Edges, crate::ImplicitGroups, Frozen)>().insert((Particles(particles), start));
+        }
+        Err(reason) => {
+            tracing::error!("soft body {entity} was not built: {reason}");
+            commands.entity(entity).remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups)>();
+            commands.trigger(SoftBodyRejected { entity, reason });
+        }
+    }
+}
+
+/// The rig's particles placed by `transform`, relative to their centre of mass, and where that is.
+fn particles_at(rig: &Rig, transform: &Transform) -> Result<(polpo_solver::Particles, Vec3), RejectReason> {
+    rig.validate()?;
+    let Transform { translation, rotation, scale } = *transform;
+    let s = scale.x;
+    let uniform = (scale - Vec3::splat(s)).abs().max_element() <= 1e-4 * s;
+    if !(transform.is_finite() && s > 0.0 && uniform && rotation.length_squared() > 0.25) {
+        return Err(RejectReason::Transform { translation, rotation, scale });
+    }
+    let rest: Vec<ParticleRest> = rig
+        .particles
+        .iter()
+        .map(|p| ParticleRest {
+            position: Vec3A::from(p.position) * s,
+            frame: p.frame,
+            radii: Vec3A::from(p.radii) * s,
+            mass: p.mass * s * s * s,
+        })
+        .collect();
+    let mut particles = polpo_solver::Particles::new(&rest)?;
+    particles.place(rotation.normalize(), Vec3A::ZERO);
+    let center = particles.center_of_mass();
+    particles.shift_origin(center);
+    Ok((particles, translation + Vec3::from(center)))
+}

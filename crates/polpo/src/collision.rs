@@ -1,0 +1,42 @@
+//! Collision: a body stays out of colliders.
+
+use bevy::prelude::*;
+
+use crate::particles::for_each_body;
+use crate::{Frozen, Particles, SubstepTime};
+
+/// How a body meets colliders. Comes with every [`SoftBody`](crate::SoftBody).
+///
+/// The colliders come from elsewhere: `polpo_rapier` fills [`Contacts`] from Rapier's; a system of yours may do so in [`PolpoSystems::DetectContacts`](crate::PolpoSystems::DetectContacts).
+#[derive(Component, Debug, Clone, Copy, PartialEq)]
+#[require(Contacts)]
+pub struct Collision {
+    /// Coulomb's coefficient of the body's skin, combined with the collider's by the collider's rule. Range 0 (ice) to infinity; default 0.6.
+    pub friction: f32,
+    /// The layers the body is in, one bit each. Default: the first.
+    pub memberships: u32,
+    /// The layers whose colliders the body meets. Default: all.
+    pub filter: u32,
+    /// The speed at most at which an overlap is undone that nobody's motion made, as after spawning inside a wall \[m/s\]. Range 0 (stays stuck) to infinity (may explode); default 3.
+    pub push_speed: f32,
+}
+
+impl Default for Collision {
+    fn default() -> Self {
+        Self { friction: 0.6, memberships: 1, filter: u32::MAX, push_speed: 3.0 }
+    }
+}
+
+/// The planes that the body's particles must stay above in this step. Refilled each step in phase `DetectContacts`.
+#[derive(Component, Debug, Clone, Default, Deref, DerefMut)]
+pub struct Contacts(pub polpo_solver::Contacts);
+
+pub(crate) fn solve_contacts(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut Contacts, &Collision), Without<Frozen>>) {
+    for_each_body(
+        &mut bodies,
+        |(_, contacts, _)| 60 * contacts.list.len(),
+        |(mut particles, mut contacts, collision)| {
+            polpo_solver::solve_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed);
+        },
+    );
+}

@@ -1,0 +1,31 @@
+//! A hand on a particle: a mouse, a claw, a script.
+
+use bevy::math::Vec3A;
+use bevy::prelude::*;
+
+use crate::{Frozen, Particles, SubstepTime};
+
+/// Pulls one particle of the body towards a point, as a spring would that is fixed there. Remove it to let go.
+#[derive(Component, Debug, Clone, Copy, PartialEq)]
+pub struct Grab {
+    /// Index of the particle. One that does not exist is not pulled.
+    pub particle: u32,
+    /// Where it is pulled to \[m\], in the world.
+    pub target: Vec3,
+    /// Stiffness as the frequency at which the particle alone would swing about the target \[Hz\]. Range 0 (no pull) to infinity (fixed there). 5 to 10 feels like a hand.
+    pub frequency: f32,
+}
+
+/// In phase `SolveConstraints`, after the body's own constraints.
+pub(crate) fn pull_grabbed(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &Transform, &Grab), Without<Frozen>>) {
+    for (mut particles, transform, grab) in &mut bodies {
+        if !grab.target.is_finite() {
+            continue;
+        }
+        let fraction = polpo_solver::stiffness_fraction(grab.frequency, time.delta);
+        let target = Vec3A::from(grab.target - transform.translation);
+        if let Some(x) = particles.position.get_mut(grab.particle as usize) {
+            *x += (target - *x) * fraction;
+        }
+    }
+}

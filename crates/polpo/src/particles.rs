@@ -1,0 +1,85 @@
+//! A body's packed state: particles and edges as components.
+
+use bevy::math::Vec3A;
+use bevy::prelude::*;
+
+use crate::{DistanceConstraints, Frozen, SoftBody, Torsion};
+
+/// All particles of a body, as a structure of arrays. Made from the rig when a [`SoftBody`] is inserted.
+///
+/// Positions are relative to the entity's `Transform::translation`, in axes parallel to the world's.
+#[derive(Component, Debug, Clone, Default, Deref, DerefMut)]
+pub struct Particles(pub polpo_solver::Particles);
+
+/// All edges of a body, sorted by colour. There while a component that needs edges is.
+#[derive(Component, Debug, Clone, Default, Deref, DerefMut)]
+pub struct Edges(pub polpo_solver::Edges);
+
+/// Where the particles were when the running step began: what rendering interpolates from, and the last good state of a body that breaks.
+#[derive(Component, Debug, Clone, Default)]
+pub struct StepStart {
+    /// Centres \[m\], relative to the body's *present* origin.
+    pub position: Vec<Vec3A>,
+    /// Rotations since rest.
+    pub rotation: Vec<Quat>,
+}
+
+/// Copies positions and rotations, into arrays that are already there.
+pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &mut StepStart), Without<Frozen>>) {
+    for (particles, mut start) in &mut bodies {
+        start.position.clone_from(&particles.position);
+        start.rotation.clone_from(&particles.rotation);
+    }
+}
+
+/// Bodies whose components need edges get them; bodies that no longer need them lose them.
+pub(crate) fn build_edges(
+    mut commands: Commands,
+    lacking: Query<(Entity, &SoftBody, &Particles), (Or<(With<DistanceConstraints>, With<Torsion>)>, Without<Edges>)>,
+    idle: Query<Entity, (With<Edges>, Without<DistanceConstraints>, Without<Torsion>)>,
+) {
+    for (entity, body, particles) in &lacking {
+        match polpo_solver::Edges::new(particles, &body.rig.edges) {
+            Ok(edges) => {
+                commands.entity(entity).insert(Edges(edges));
+            }
+            // The rig was validated when the body was built, so this is not reached; if it were, the body does without.
+            Err(error) => {
+                tracing::error!("body {entity}: {error}");
+                commands.entity(entity).remove::<(DistanceConstraints, Torsion)>();
+            }
+        }
+    }
+    for entity in &idle {
+        commands.entity(entity).remove::<Edges>();
+    }
+}
+
+/// Runs `work` on every item of the query, in parallel over bodies if all of it together is worth the price of starting threads.
+///
+/// `cost` is a rough guess of the work for a body \[ns\]. Bodies are independent, so the result does not depend on the number of threads.
+pub(crate) fn for_each_body<'w, D, F>(
+    query: &mut Query<'w, '_, D, F>,
+    cost: impl Fn(&<D::ReadOnly as bevy::ecs::query::QueryData>::Item<'_, '_>) -> usize,
+    work: impl Fn(D::Item<'_, '_>) + Send + Sync + Clone,
+) where
+    D: bevy::ecs::query::IterQueryData,
+    D::ReadOnly: bevy::ecs::query::IterQueryData,
+    F: bevy::ecs::query::QueryFilter,
+{
+    /// What a parallel query must save before it gains anything \[ns\].
+    const WORTHWHILE: usize = 200_000;
+    let mut bodies = 0;
+    let total: usize = query
+        .iter()
+        .map(|item| {
+            bodies += 1;
+            cost(&item)
+        })
+        .sum();
+    if bodies > 1 && total > WORTHWHILE {
+        query.par_iter_mut().batching_strategy(bevy::ecs::batching::BatchingStrategy::new().max_batch_size(1)).for_each(work);
+    } else {
+        query.iter_mut().for_each(work);
+    }
+}

@@ -1,0 +1,1 @@
+//! Skinning in Bevy's renderer.

@@ -35,9 +35,7 @@ pub enum MeshError {
         reason: String,
     },
     /// A glTF primitive is not a list of triangles.
-    #[error(
-        "{name}: mesh {mesh}, primitive {primitive}: mode {mode} is not supported, only Triangles"
-    )]
+    #[error("{name}: mesh {mesh}, primitive {primitive}: mode {mode} is not supported, only Triangles")]
     UnsupportedMode {
         /// The mesh file.
         name: String,
@@ -192,9 +190,7 @@ pub enum RigFault {
         edge: usize,
     },
     /// A vertex follows a particle that is not there.
-    #[error(
-        "vertex {vertex}, influence {slot} points to particle {particle}, but there are {particles}"
-    )]
+    #[error("vertex {vertex}, influence {slot} points to particle {particle}, but there are {particles}")]
     InfluenceIndex {
         /// Index of the vertex.
         vertex: usize,
@@ -206,9 +202,7 @@ pub enum RigFault {
         particles: usize,
     },
     /// A weight is negative or not finite.
-    #[error(
-        "vertex {vertex}, influence {slot}: weight is {weight}, must be finite and not negative"
-    )]
+    #[error("vertex {vertex}, influence {slot}: weight is {weight}, must be finite and not negative")]
     Weight {
         /// Index of the vertex.
         vertex: usize,
@@ -245,9 +239,7 @@ pub enum RigError {
         range: &'static str,
     },
     /// More particles wanted than the finest affordable voxel grid has voxels.
-    #[error(
-        "{name}: {wanted} particles wanted, but the body has only {voxels} voxels at the finest resolution"
-    )]
+    #[error("{name}: {wanted} particles wanted, but the body has only {voxels} voxels at the finest resolution")]
     TooFewVoxels {
         /// The mesh.
         name: String,
@@ -270,7 +262,7 @@ pub enum RigError {
         /// The rig file.
         name: String,
         /// What the system said.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The extension is neither `.ron` nor `.rig`.
     #[error("{name}: extension {extension:?} is not a rig format (ron, rig)")]

@@ -41,16 +41,9 @@ impl Rig {
     /// [`RigError::Invalid`] for a rig that [`validate`](Rig::validate) refuses: nothing is written that cannot be read back.
     pub fn to_ron(&self) -> Result<String, RigError> {
         self.validate()?;
-        let layout = PrettyConfig::new()
-            .depth_limit(3)
-            .indentor("  ")
-            .new_line("\n");
-        let file = RonFileRef {
-            version: VERSION,
-            rig: self,
-        };
-        let mut text =
-            ron::ser::to_string_pretty(&file, layout).map_err(|e| not_a_rig("rig", e))?;
+        let layout = PrettyConfig::new().depth_limit(3).indentor("  ").new_line("\n");
+        let file = RonFileRef { version: VERSION, rig: self };
+        let mut text = ron::ser::to_string_pretty(&file, layout).map_err(|e| not_a_rig("rig", e))?;
         text.push('\n');
         Ok(text)
     }
@@ -86,19 +79,12 @@ impl Rig {
     /// [`RigError::NotARig`] for a wrong start, a truncated file or bytes left over, [`RigError::Version`] for another version of
     /// the format, [`RigError::Invalid`] for a rig that breaks its rules.
     pub fn from_postcard(name: &str, bytes: &[u8]) -> Result<Rig, RigError> {
-        let body = bytes
-            .strip_prefix(MAGIC)
-            .ok_or_else(|| not_a_rig(name, "it does not start with POLPORIG"))?;
-        let (version, body) = body
-            .split_first_chunk::<4>()
-            .ok_or_else(|| not_a_rig(name, "it ends in its version"))?;
+        let body = bytes.strip_prefix(MAGIC).ok_or_else(|| not_a_rig(name, "it does not start with POLPORIG"))?;
+        let (version, body) = body.split_first_chunk::<4>().ok_or_else(|| not_a_rig(name, "it ends in its version"))?;
         check_version(name, u32::from_le_bytes(*version))?;
         let (rig, rest) = postcard::take_from_bytes::<Rig>(body).map_err(|e| not_a_rig(name, e))?;
         if !rest.is_empty() {
-            return Err(not_a_rig(
-                name,
-                format_args!("{} bytes are left over at its end", rest.len()),
-            ));
+            return Err(not_a_rig(name, format_args!("{} bytes are left over at its end", rest.len())));
         }
         rig.validate_as(name)?;
         Ok(rig)
@@ -114,10 +100,7 @@ impl Rig {
             Format::Ron => self.to_ron()?.into_bytes(),
             Format::Postcard => self.to_postcard()?,
         };
-        fs::write(path, bytes).map_err(|source| RigError::Io {
-            name: path.display().to_string(),
-            source,
-        })
+        fs::write(path, bytes).map_err(|source| RigError::Io { name: path.display().to_string(), source })
     }
 
     /// Reads a rig file: text for the extension `.ron`, bytes for `.rig`.
@@ -129,15 +112,9 @@ impl Rig {
         let path = path.as_ref();
         let name = path.display().to_string();
         let format = Format::of(path)?;
-        let bytes = fs::read(path).map_err(|source| RigError::Io {
-            name: name.clone(),
-            source,
-        })?;
+        let bytes = fs::read(path).map_err(|source| RigError::Io { name: name.clone(), source })?;
         match format {
-            Format::Ron => Rig::from_ron(
-                &name,
-                std::str::from_utf8(&bytes).map_err(|e| not_a_rig(&name, e))?,
-            ),
+            Format::Ron => Rig::from_ron(&name, std::str::from_utf8(&bytes).map_err(|e| not_a_rig(&name, e))?),
             Format::Postcard => Rig::from_postcard(&name, &bytes),
         }
     }
@@ -150,36 +127,19 @@ enum Format {
 
 impl Format {
     fn of(path: &Path) -> Result<Format, RigError> {
-        let extension = path
-            .extension()
-            .map(|e| e.to_string_lossy().to_ascii_lowercase())
-            .unwrap_or_default();
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         match extension.as_str() {
             "ron" => Ok(Format::Ron),
             "rig" => Ok(Format::Postcard),
-            _ => Err(RigError::UnknownExtension {
-                name: path.display().to_string(),
-                extension,
-            }),
+            _ => Err(RigError::UnknownExtension { name: path.display().to_string(), extension }),
         }
     }
 }
 
 fn check_version(name: &str, found: u32) -> Result<(), RigError> {
-    if found == VERSION {
-        Ok(())
-    } else {
-        Err(RigError::Version {
-            name: name.into(),
-            found,
-            expected: VERSION,
-        })
-    }
+    if found == VERSION { Ok(()) } else { Err(RigError::Version { name: name.into(), found, expected: VERSION }) }
 }
 
 fn not_a_rig(name: &str, reason: impl ToString) -> RigError {
-    RigError::NotARig {
-        name: name.into(),
-        reason: reason.to_string(),
-    }
+    RigError::NotARig { name: name.into(), reason: reason.to_string() }
 }

@@ -1,7 +1,7 @@
 //! From a triangle mesh to a soft-body rig: particles, ellipsoids, edges, skin weights; and the files.
 //!
 //! A [`Rig`] is what the solver simulates and what the skin hangs on: a few hundred oriented, ellipsoidal particles, the edges
-//! between them and, for every vertex of the mesh, the particles it follows. `build_rig` makes one from any triangle mesh; the
+//! between them and, for every vertex of the mesh, the particles it follows. [`build_rig`] makes one from any triangle mesh; the
 //! modules below are its stages, in order:
 //!
 //! ```text
@@ -11,11 +11,24 @@
 //! Lengths are in the mesh's own unit, which the rest of the house takes to be metres. The same mesh and settings give the same
 //! bytes on every run and every platform: no hash maps, no threads, no platform transcendentals.
 
+mod build;
+mod clean;
+mod edges;
+mod ellipsoids;
 mod error;
 mod files;
+mod flood;
 mod mesh;
+mod read;
+mod read_gltf;
+mod read_obj;
 mod rig;
+mod sample;
+mod skin;
+mod voxels;
 
+pub use build::{RigSettings, build_rig};
 pub use error::{MeshError, RigError, RigFault};
 pub use mesh::{Mesh, MeshHash};
+pub use read::{parse_glb, read_mesh};
 pub use rig::{Influences, Particle, Rig};

@@ -54,59 +54,29 @@ impl Mesh {
         }
         for (item, count) in [("vertices", vertices), ("triangles", self.triangles.len())] {
             if u32::try_from(count).is_err() {
-                return Err(MeshError::TooLarge {
-                    name: name(),
-                    item,
-                    count,
-                });
+                return Err(MeshError::TooLarge { name: name(), item, count });
             }
         }
         let optional = |len: usize| if len == 0 { vertices } else { len };
-        for (item, found) in [
-            ("normals", self.normals.len()),
-            ("colors", optional(self.colors.len())),
-            ("uvs", optional(self.uvs.len())),
-        ] {
+        for (item, found) in [("normals", self.normals.len()), ("colors", optional(self.colors.len())), ("uvs", optional(self.uvs.len()))] {
             if found != vertices {
-                return Err(MeshError::LengthMismatch {
-                    name: name(),
-                    item,
-                    expected: vertices,
-                    found,
-                });
+                return Err(MeshError::LengthMismatch { name: name(), item, expected: vertices, found });
             }
         }
         let faults = [
-            (
-                "position",
-                self.positions.iter().position(|p| !p.is_finite()),
-            ),
+            ("position", self.positions.iter().position(|p| !p.is_finite())),
             ("normal", self.normals.iter().position(|n| !n.is_finite())),
-            (
-                "color",
-                self.colors
-                    .iter()
-                    .position(|c| c.iter().any(|x| !x.is_finite())),
-            ),
+            ("color", self.colors.iter().position(|c| c.iter().any(|x| !x.is_finite()))),
             ("uv", self.uvs.iter().position(|uv| !uv.is_finite())),
         ];
         for (item, fault) in faults {
             if let Some(index) = fault {
-                return Err(MeshError::NotFinite {
-                    name: name(),
-                    item,
-                    index,
-                });
+                return Err(MeshError::NotFinite { name: name(), item, index });
             }
         }
         for (triangle, corners) in self.triangles.iter().enumerate() {
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
-                return Err(MeshError::IndexOutOfRange {
-                    name: name(),
-                    triangle,
-                    vertex,
-                    vertices,
-                });
+                return Err(MeshError::IndexOutOfRange { name: name(), triangle, vertex, vertices });
             }
         }
         if self.positions.iter().all(|p| *p == self.positions[0]) {
@@ -130,10 +100,7 @@ impl Mesh {
             feed(count as u32);
             feed((count >> 32) as u32);
         }
-        self.positions
-            .iter()
-            .flat_map(|p| p.to_array())
-            .for_each(|x| feed(x.to_bits()));
+        self.positions.iter().flat_map(|p| p.to_array()).for_each(|x| feed(x.to_bits()));
         self.triangles.iter().flatten().for_each(|&v| feed(v));
         MeshHash(hash)
     }
@@ -151,9 +118,7 @@ pub(crate) fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<
             sums[v as usize] += area;
         }
     }
-    sums.into_iter()
-        .map(|n| n.try_normalize().map_or(Vec3::Y, |n| n.as_vec3()))
-        .collect()
+    sums.into_iter().map(|n| n.try_normalize().map_or(Vec3::Y, |n| n.as_vec3())).collect()
 }
 
 #[cfg(test)]
@@ -168,19 +133,9 @@ mod tests {
             triangles: vec![[0, 1, 2]],
             ..Mesh::default()
         };
-        let painted = Mesh {
-            colors: vec![[1.0; 4]; 3],
-            name: "other".into(),
-            ..mesh.clone()
-        };
-        let moved = Mesh {
-            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y * 1.000_000_1],
-            ..mesh.clone()
-        };
-        let turned = Mesh {
-            triangles: vec![[0, 2, 1]],
-            ..mesh.clone()
-        };
+        let painted = Mesh { colors: vec![[1.0; 4]; 3], name: "other".into(), ..mesh.clone() };
+        let moved = Mesh { positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y * 1.000_000_1], ..mesh.clone() };
+        let turned = Mesh { triangles: vec![[0, 2, 1]], ..mesh.clone() };
         assert_eq!(mesh.hash(), painted.hash());
         assert_ne!(mesh.hash(), moved.hash());
         assert_ne!(mesh.hash(), turned.hash());

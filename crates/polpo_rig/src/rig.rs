@@ -52,12 +52,7 @@ impl Rig {
     }
 
     pub(crate) fn validate_as(&self, name: &str) -> Result<(), RigError> {
-        self.fault().map_or(Ok(()), |fault| {
-            Err(RigError::Invalid {
-                name: name.into(),
-                fault,
-            })
-        })
+        self.fault().map_or(Ok(()), |fault| Err(RigError::Invalid { name: name.into(), fault }))
     }
 
     fn fault(&self) -> Option<RigFault> {
@@ -66,47 +61,22 @@ impl Rig {
             return Some(RigFault::NoParticles);
         }
         if u32::try_from(particles).is_err() {
-            return Some(RigFault::TooLarge {
-                item: "particles",
-                count: particles,
-            });
+            return Some(RigFault::TooLarge { item: "particles", count: particles });
         }
-        let particle_faults = self
-            .particles
-            .iter()
-            .enumerate()
-            .find_map(|(i, p)| p.fault(i));
+        let particle_faults = self.particles.iter().enumerate().find_map(|(i, p)| p.fault(i));
         let edge_faults = || {
-            self.edges
-                .iter()
-                .enumerate()
-                .find_map(|(edge, &[first, second])| {
-                    if let Some(&particle) =
-                        [first, second].iter().find(|&&p| p as usize >= particles)
-                    {
-                        return Some(RigFault::EdgeIndex {
-                            edge,
-                            particle,
-                            particles,
-                        });
-                    }
-                    if first >= second {
-                        return Some(RigFault::EdgeOrder {
-                            edge,
-                            first,
-                            second,
-                        });
-                    }
-                    let sorted = edge == 0 || self.edges[edge - 1] < [first, second];
-                    (!sorted).then_some(RigFault::EdgesUnsorted { edge })
-                })
+            self.edges.iter().enumerate().find_map(|(edge, &[first, second])| {
+                if let Some(&particle) = [first, second].iter().find(|&&p| p as usize >= particles) {
+                    return Some(RigFault::EdgeIndex { edge, particle, particles });
+                }
+                if first >= second {
+                    return Some(RigFault::EdgeOrder { edge, first, second });
+                }
+                let sorted = edge == 0 || self.edges[edge - 1] < [first, second];
+                (!sorted).then_some(RigFault::EdgesUnsorted { edge })
+            })
         };
-        let skin_faults = || {
-            self.skin
-                .iter()
-                .enumerate()
-                .find_map(|(v, i)| i.fault(v, particles))
-        };
+        let skin_faults = || self.skin.iter().enumerate().find_map(|(v, i)| i.fault(v, particles));
         particle_faults.or_else(edge_faults).or_else(skin_faults)
     }
 
@@ -117,19 +87,11 @@ impl Rig {
     pub fn check_mesh(&self, mesh: &Mesh) -> Result<(), RigError> {
         let name = || mesh.name.clone();
         if self.skin.len() != mesh.positions.len() {
-            return Err(RigError::VertexCount {
-                name: name(),
-                expected: self.skin.len(),
-                found: mesh.positions.len(),
-            });
+            return Err(RigError::VertexCount { name: name(), expected: self.skin.len(), found: mesh.positions.len() });
         }
         let found = mesh.hash();
         if found != self.mesh_hash {
-            return Err(RigError::MeshHash {
-                name: name(),
-                expected: self.mesh_hash,
-                found,
-            });
+            return Err(RigError::MeshHash { name: name(), expected: self.mesh_hash, found });
         }
         Ok(())
     }
@@ -145,17 +107,8 @@ impl Particle {
         if !unit {
             return Some(RigFault::Frame { particle });
         }
-        if let Some(axis) = self
-            .radii
-            .to_array()
-            .iter()
-            .position(|r| !(r.is_finite() && *r > 0.0))
-        {
-            return Some(RigFault::Radius {
-                particle,
-                axis,
-                radius: self.radii[axis],
-            });
+        if let Some(axis) = self.radii.to_array().iter().position(|r| !(r.is_finite() && *r > 0.0)) {
+            return Some(RigFault::Radius { particle, axis, radius: self.radii[axis] });
         }
         let mass = self.mass;
         (!(mass.is_finite() && mass > 0.0)).then_some(RigFault::Mass { particle, mass })
@@ -167,19 +120,10 @@ impl Influences {
         for slot in 0..4 {
             let (particle, weight) = (self.particles[slot], self.weights[slot]);
             if particle as usize >= particles {
-                return Some(RigFault::InfluenceIndex {
-                    vertex,
-                    slot,
-                    particle,
-                    particles,
-                });
+                return Some(RigFault::InfluenceIndex { vertex, slot, particle, particles });
             }
             if !(weight.is_finite() && weight >= 0.0) {
-                return Some(RigFault::Weight {
-                    vertex,
-                    slot,
-                    weight,
-                });
+                return Some(RigFault::Weight { vertex, slot, weight });
             }
         }
         let sum = self.weights.iter().sum::<f32>();
@@ -192,20 +136,12 @@ mod tests {
     use super::*;
 
     fn rig() -> Rig {
-        let particle = Particle {
-            position: Vec3::ZERO,
-            frame: Quat::IDENTITY,
-            radii: Vec3::ONE,
-            mass: 1.0,
-        };
+        let particle = Particle { position: Vec3::ZERO, frame: Quat::IDENTITY, radii: Vec3::ONE, mass: 1.0 };
         Rig {
             mesh_hash: MeshHash(1),
             particles: vec![particle; 3],
             edges: vec![[0, 1], [1, 2]],
-            skin: vec![Influences {
-                particles: [0, 1, 0, 0],
-                weights: [0.75, 0.25, 0.0, 0.0],
-            }],
+            skin: vec![Influences { particles: [0, 1, 0, 0], weights: [0.75, 0.25, 0.0, 0.0] }],
         }
     }
 
@@ -217,50 +153,17 @@ mod tests {
         assert!(rig().validate().is_ok());
         let breaches: [Breach; 12] = [
             (|r| r.particles.clear(), "rig: there are no particles"),
-            (
-                |r| r.particles[1].position.y = f32::NAN,
-                "rig: particle 1: position is not finite",
-            ),
-            (
-                |r| r.particles[2].frame.x = 0.1,
-                "rig: particle 2: frame is not a unit quaternion",
-            ),
-            (
-                |r| r.particles[2].frame.w = f32::NAN,
-                "rig: particle 2: frame is not a unit quaternion",
-            ),
-            (
-                |r| r.particles[0].radii.z = 0.0,
-                "rig: particle 0: radius 2 is 0, must be finite and positive",
-            ),
-            (
-                |r| r.particles[0].mass = -1.0,
-                "rig: particle 0: mass is -1, must be finite and positive",
-            ),
-            (
-                |r| r.edges[1] = [1, 3],
-                "rig: edge 1 points to particle 3, but there are 3",
-            ),
-            (
-                |r| r.edges[1] = [2, 1],
-                "rig: edge 1 is (2, 1), the first index must be the smaller",
-            ),
-            (
-                |r| r.edges[1] = [0, 1],
-                "rig: edge 1 does not come after edge 0: edges must be sorted and unique",
-            ),
-            (
-                |r| r.skin[0].particles[3] = 9,
-                "rig: vertex 0, influence 3 points to particle 9, but there are 3",
-            ),
-            (
-                |r| r.skin[0].weights[1] = f32::INFINITY,
-                "rig: vertex 0, influence 1: weight is inf, must be finite and not negative",
-            ),
-            (
-                |r| r.skin[0].weights[1] = 0.5,
-                "rig: vertex 0: weights sum to 1.25, must be 1",
-            ),
+            (|r| r.particles[1].position.y = f32::NAN, "rig: particle 1: position is not finite"),
+            (|r| r.particles[2].frame.x = 0.1, "rig: particle 2: frame is not a unit quaternion"),
+            (|r| r.particles[2].frame.w = f32::NAN, "rig: particle 2: frame is not a unit quaternion"),
+            (|r| r.particles[0].radii.z = 0.0, "rig: particle 0: radius 2 is 0, must be finite and positive"),
+            (|r| r.particles[0].mass = -1.0, "rig: particle 0: mass is -1, must be finite and positive"),
+            (|r| r.edges[1] = [1, 3], "rig: edge 1 points to particle 3, but there are 3"),
+            (|r| r.edges[1] = [2, 1], "rig: edge 1 is (2, 1), the first index must be the smaller"),
+            (|r| r.edges[1] = [0, 1], "rig: edge 1 does not come after edge 0: edges must be sorted and unique"),
+            (|r| r.skin[0].particles[3] = 9, "rig: vertex 0, influence 3 points to particle 9, but there are 3"),
+            (|r| r.skin[0].weights[1] = f32::INFINITY, "rig: vertex 0, influence 1: weight is inf, must be finite and not negative"),
+            (|r| r.skin[0].weights[1] = 0.5, "rig: vertex 0: weights sum to 1.25, must be 1"),
         ];
         for (breach, message) in breaches {
             let mut broken = rig();

@@ -1,0 +1,165 @@
+//! The mesh as the stages want it: welded, without degenerate or doubled triangles, in a unit box, in f64.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use crate::{Mesh, MeshError};
+
+/// A welded mesh, moved and scaled so that its longest side is 1: the stages that follow see the same shape at every scale.
+pub(crate) struct Surface {
+    /// Welded vertices, within 0..1.
+    pub(crate) positions: Vec<DVec3>,
+    /// What is left of the mesh's triangles; they have an area and no two have the same corners.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// The connected part each triangle belongs to, numbered from 0 in the order of the triangles.
+    pub(crate) part: Vec<u32>,
+    /// +1 or -1 a part: -1 where the triangles wind clockwise seen from outside.
+    pub(crate) winding: Vec<f64>,
+    /// The welded vertex of every vertex of the mesh.
+    pub(crate) welded: Vec<u32>,
+    /// A mesh position is `origin + scale · position`.
+    pub(crate) origin: DVec3,
+    /// The longest side of the mesh's bounding box [m], positive.
+    pub(crate) scale: f64,
+}
+
+impl Surface {
+    /// Welds vertices at exactly the same place (-0 is 0): seams of normals and texture coordinates are closed, a crack is not.
+    pub(crate) fn new(mesh: &Mesh) -> Result<Surface, MeshError> {
+        mesh.validate()?;
+        let mut min = DVec3::INFINITY;
+        let mut max = DVec3::NEG_INFINITY;
+        for p in &mesh.positions {
+            min = min.min(p.as_dvec3());
+            max = max.max(p.as_dvec3());
+        }
+        let scale = (max - min).max_element();
+
+        let mut order: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+        // Adding 0 turns -0 into 0.
+        let key = |v: u32| mesh.positions[v as usize].to_array().map(|x| (x + 0.0).to_bits());
+        order.sort_unstable_by_key(|&v| (key(v), v));
+        let mut welded = vec![0; mesh.positions.len()];
+        let mut first = order[0];
+        for &v in &order {
+            if key(v) != key(first) {
+                first = v;
+            }
+            welded[v as usize] = first;
+        }
+        // Welded vertices are numbered in the order of the mesh, so that neighbours in memory stay neighbours.
+        let mut positions = Vec::new();
+        for v in 0..welded.len() {
+            if welded[v] as usize == v {
+                welded[v] = positions.len() as u32;
+                positions.push((mesh.positions[v].as_dvec3() - min) / scale);
+            } else {
+                // The first of its place has a smaller index, and is renumbered already.
+                welded[v] = welded[welded[v] as usize];
+            }
+        }
+
+        let mut seen = BTreeMap::new();
+        let mut triangles = Vec::with_capacity(mesh.triangles.len());
+        for t in &mesh.triangles {
+            let t = t.map(|v| welded[v as usize]);
+            let mut corners = t;
+            corners.sort_unstable();
+            // A sliver whose area f64 rounds to nothing carries no direction either.
+            let has_area = area_vector(&positions, t).length_squared() > 1e-40;
+            if has_area && seen.insert(corners, ()).is_none() {
+                triangles.push(t);
+            }
+        }
+        if triangles.is_empty() {
+            return Err(MeshError::NoArea { name: mesh.name.clone(), triangles: mesh.triangles.len() });
+        }
+        let part = parts(positions.len(), &triangles);
+        let winding = windings(&positions, &triangles, &part);
+        Ok(Surface { positions, triangles, part, winding, welded, origin: min, scale })
+    }
+
+    /// The corners of a triangle.
+    pub(crate) fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    /// The unit normal of every triangle, turned outwards.
+    pub(crate) fn normals(&self) -> Vec<DVec3> {
+        let normal = |(t, part): (&[u32; 3], &u32)| area_vector(&self.positions, *t).normalize_or_zero() * self.winding[*part as usize];
+        self.triangles.iter().zip(&self.part).map(normal).collect()
+    }
+}
+
+/// Half the cross product of two sides: direction of the normal, length of the area.
+fn area_vector(positions: &[DVec3], t: [u32; 3]) -> DVec3 {
+    let [a, b, c] = t.map(|v| positions[v as usize]);
+    (b - a).cross(c - a) * 0.5
+}
+
+/// Numbers the parts that hang together by shared vertices.
+fn parts(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut sets = DisjointSets::new(vertices);
+    for &[a, b, c] in triangles {
+        sets.join(a, b);
+        sets.join(b, c);
+    }
+    let mut number = vec![u32::MAX; vertices];
+    let mut count = 0;
+    let mut part = Vec::with_capacity(triangles.len());
+    for t in triangles {
+        let slot = &mut number[sets.root(t[0]) as usize];
+        if *slot == u32::MAX {
+            *slot = count;
+            count += 1;
+        }
+        part.push(*slot);
+    }
+    part
+}
+
+/// The sign of the volume each part encloses, seen from its own middle so that an open part gets its best guess.
+fn windings(positions: &[DVec3], triangles: &[[u32; 3]], part: &[u32]) -> Vec<f64> {
+    let count = part.iter().max().map_or(0, |&p| p as usize + 1);
+    let mut middle = vec![DVec3::ZERO; count];
+    let mut area = vec![0.0; count];
+    for (t, &p) in triangles.iter().zip(part) {
+        let [a, b, c] = t.map(|v| positions[v as usize]);
+        let weight = area_vector(positions, *t).length();
+        middle[p as usize] += (a + b + c) * (weight / 3.0);
+        area[p as usize] += weight;
+    }
+    let mut volume = vec![0.0; count];
+    for (t, &p) in triangles.iter().zip(part) {
+        let p = p as usize;
+        let [a, b, c] = t.map(|v| positions[v as usize] - middle[p] / area[p]);
+        volume[p] += a.dot(b.cross(c));
+    }
+    volume.into_iter().map(|v| if v < 0.0 { -1.0 } else { 1.0 }).collect()
+}
+
+/// Union-find over 0..n; roots are the smallest index of their set.
+pub(crate) struct DisjointSets(Vec<u32>);
+
+impl DisjointSets {
+    pub(crate) fn new(count: usize) -> DisjointSets {
+        DisjointSets((0..count as u32).collect())
+    }
+
+    pub(crate) fn root(&mut self, mut item: u32) -> u32 {
+        while self.0[item as usize] != item {
+            let above = self.0[self.0[item as usize] as usize];
+            self.0[item as usize] = above;
+            item = above;
+        }
+        item
+    }
+
+    /// Joins the sets of two items; false if they were one already.
+    pub(crate) fn join(&mut self, a: u32, b: u32) -> bool {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+        a != b
+    }
+}

@@ -1,0 +1,112 @@
+//! Skin weights: how much each vertex follows the particles around it.
+//!
+//! Candidates are the particles nearest *along the body*, so that nothing bleeds from one limb to the next. A candidate's distance is
+//! its ellipsoid distance, stretched by the detour the body makes. With d₅ the fifth smallest distance the weight is (1 − d/d₅)²: at
+//! most four are left, and where the fifth overtakes the fourth both have weight zero, so weights don't jump between neighbouring
+//! vertices.
+
+use glam::DVec3;
+
+use crate::Influences;
+use crate::clean::Surface;
+use crate::ellipsoids::Ellipsoid;
+use crate::flood::Front;
+use crate::sample::Sample;
+use crate::voxels::{STEPS_A_VOXEL, Voxels};
+
+/// Candidates a voxel. Four are used, a fifth sets the cut, the rest is room for ellipsoids that reach farther than others.
+const CANDIDATES: usize = 8;
+/// A flood's way is at most this much longer than the straight line, where nothing is in the way.
+const FLOOD_EXCESS: f64 = 1.12;
+
+/// The candidates of a voxel, nearest first: particle, and distance along the body in steps.
+#[derive(Clone, Copy)]
+struct Candidates {
+    count: usize,
+    particles: [(u32, u32); CANDIDATES],
+}
+
+/// The influences of every vertex of the mesh (welded vertices share theirs).
+pub(crate) fn weigh(surface: &Surface, voxels: &Voxels, sample: &Sample, ellipsoids: &[Ellipsoid]) -> Vec<Influences> {
+    let candidates = candidates(voxels, sample);
+    let mut normals = vec![DVec3::ZERO; surface.positions.len()];
+    for (t, normal) in surface.normals().into_iter().enumerate() {
+        let [a, b, c] = surface.corners(t);
+        for v in surface.triangles[t] {
+            normals[v as usize] += normal * (b - a).cross(c - a).length();
+        }
+    }
+    let influences: Vec<Influences> = surface
+        .positions
+        .iter()
+        .zip(normals)
+        .map(|(&point, normal)| {
+            let voxel = voxels.under(point, normal.normalize_or_zero());
+            influences(voxels, &candidates[voxel as usize], ellipsoids, point)
+        })
+        .collect();
+    surface.welded.iter().map(|&v| influences[v as usize]).collect()
+}
+
+/// Floods from all particles at once until every voxel knows its nearest ones.
+fn candidates(voxels: &Voxels, sample: &Sample) -> Vec<Candidates> {
+    let mut known = vec![Candidates { count: 0, particles: [(0, 0); CANDIDATES] }; voxels.len()];
+    let misses = |c: &Candidates, particle: u32| c.count < CANDIDATES && c.particles[..c.count].iter().all(|p| p.0 != particle);
+    let mut front = Front::new();
+    for (particle, &voxel) in (0..).zip(&sample.voxel) {
+        front.push(0, (voxel, particle));
+    }
+    while let Some((distance, (voxel, particle))) = front.pop() {
+        let here = &mut known[voxel as usize];
+        if !misses(here, particle) {
+            continue;
+        }
+        here.particles[here.count] = (particle, distance);
+        here.count += 1;
+        for (next, step) in voxels.neighbours(voxel) {
+            if misses(&known[next as usize], particle) {
+                front.push(distance + step, (next, particle));
+            }
+        }
+    }
+    known
+}
+
+fn influences(voxels: &Voxels, candidates: &Candidates, ellipsoids: &[Ellipsoid], point: DVec3) -> Influences {
+    let mut distances: Vec<(f64, u32)> = candidates.particles[..candidates.count]
+        .iter()
+        .map(|&(particle, steps)| {
+            let ellipsoid = &ellipsoids[particle as usize];
+            let straight = point.distance(ellipsoid.centre).max(voxels.size);
+            let along = f64::from(steps) / STEPS_A_VOXEL * voxels.size;
+            let detour = (along / (FLOOD_EXCESS * straight)).max(1.0);
+            (ellipsoid.distance(point) * detour, particle)
+        })
+        .collect();
+    distances.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    // With no fifth to take over nothing has to vanish.
+    let cut = match (distances.get(4), distances.last()) {
+        (Some(fifth), _) => fifth.0,
+        (None, Some(last)) => last.0 * 1.5,
+        (None, None) => 1.0,
+    };
+    distances.truncate(4);
+    let mut weights: Vec<f64> = distances.iter().map(|&(d, _)| (1.0 - d / cut).max(0.0)).map(|w| w * w).collect();
+    let sum: f64 = weights.iter().sum();
+    // Five at the same distance: then the four that stay share alike.
+    let degenerate = sum.is_nan() || sum < 1e-12;
+    let share = 1.0 / weights.len().max(1) as f64;
+    weights.iter_mut().for_each(|w| *w = if degenerate { share } else { *w / sum });
+
+    let nearest = distances.first().map_or(0, |d| d.1);
+    let mut influences = Influences { particles: [nearest; 4], weights: [0.0; 4] };
+    for (slot, (weight, (_, particle))) in weights.into_iter().zip(distances).enumerate() {
+        if weight as f32 > 0.0 {
+            influences.particles[slot] = particle;
+            influences.weights[slot] = weight as f32;
+        }
+    }
+    // What rounding to f32 took, the heaviest gives back.
+    influences.weights[0] = 1.0 - influences.weights[1..].iter().sum::<f32>();
+    influences
+}

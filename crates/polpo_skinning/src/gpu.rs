@@ -155,9 +155,8 @@ pub struct SkinPipeline {
 }
 
 impl SkinPipeline {
-    /// Compiles the shader. The error names the limit that this device does not meet.
-    pub fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
-        let limits = device.limits();
+    /// Whether a device with these limits can skin; the error names the first limit that is too low. Also ask whether its downlevel flags have compute shaders.
+    pub fn check_limits(limits: &wgpu::Limits) -> Result<(), GpuError> {
         let needs = [
             ("max_storage_buffers_per_shader_stage", limits.max_storage_buffers_per_shader_stage, 4),
             ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup, WORKGROUP_SIZE),
@@ -170,7 +169,13 @@ impl SkinPipeline {
                 return Err(GpuError::Limit { limit, found: found.into(), needed: needed.into() });
             }
         }
+        Ok(())
+    }
 
+    /// Compiles the shader. The error names the limit that this device does not meet.
+    pub fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
+        let limits = device.limits();
+        Self::check_limits(&limits)?;
         let shader = device.create_shader_module(wgpu::include_wgsl!("skin.wgsl"));
         let storage = |binding, read_only| wgpu::BindGroupLayoutEntry {
             binding,

@@ -1,0 +1,269 @@
+//! Giving each body a mesh of its own, and taking it away again.
+//!
+//! A skinned vertex buffer belongs to one body, so the body's `Mesh3d` is replaced by a copy of the user's mesh. The rest data behind it is the same for every body of that mesh and rig and is
+//! shared. Another `Mesh3d`, another rig or a change to the mesh asset binds anew; when the `SoftBody` goes, the user's handle comes back.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Weak};
+
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::primitives::Aabb;
+use bevy::camera::visibility::NoAutoAabb;
+use bevy::mesh::{MeshVertexAttributeId, VertexAttributeValues};
+use bevy::prelude::*;
+use polpo_rig::Rig;
+use polpo_skinning::{Binding, BindingError, ParticleTransform, RestMesh, VertexLayout};
+
+use super::SkinningStats;
+use super::cpu_fallback::write_vertices;
+use super::pose::{Pose, pose_particles};
+use crate::{Particles, SoftBody};
+
+/// A body whose mesh follows its particles. Comes with every [`SoftBody`] that has a `Mesh3d` its rig fits, as soon as the mesh is loaded; goes with it.
+#[derive(Component, Debug)]
+pub struct Skin {
+    /// The user's mesh, which comes back when the body goes.
+    source: Handle<Mesh>,
+    /// The body's own copy, in its `Mesh3d`.
+    instance: Handle<Mesh>,
+    pub(super) shared: Arc<SharedBinding>,
+    pub(super) transforms: Vec<ParticleTransform>,
+}
+
+impl Skin {
+    /// The mesh that was on the entity, undeformed. `Mesh3d` now holds a copy of it, which lives in the render world only (unless the CPU skins) and is deformed there.
+    pub fn source(&self) -> &Handle<Mesh> {
+        &self.source
+    }
+
+    /// The body's own mesh, which is in its `Mesh3d`.
+    pub fn instance(&self) -> &Handle<Mesh> {
+        &self.instance
+    }
+
+    /// The packed rest mesh, shared by all bodies of the same mesh and rig.
+    pub fn binding(&self) -> &Binding {
+        &self.shared.binding
+    }
+
+    /// Where the attributes lie in the mesh's vertices.
+    pub fn layout(&self) -> VertexLayout {
+        self.shared.layout
+    }
+
+    /// This frame's particle transforms, into the space of the entity's `Transform`, axes parallel to the world's; one a particle. Empty before the first frame.
+    pub fn transforms(&self) -> &[ParticleTransform] {
+        &self.transforms
+    }
+}
+
+/// What bodies of the same mesh and rig share.
+#[derive(Debug)]
+pub(super) struct SharedBinding {
+    pub(super) binding: Binding,
+    pub(super) layout: VertexLayout,
+    rig: Arc<Rig>,
+}
+
+/// The bindings in use, by source mesh and rig. A rig's address stands for the rig: the binding holds on to it, so the address stays taken while the entry is alive.
+#[derive(Resource, Debug, Default)]
+pub(super) struct Bindings(BTreeMap<(AssetId<Mesh>, usize), Weak<SharedBinding>>);
+
+/// Why a body's mesh does not follow its particles.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SkinError {
+    /// The mesh is in the render world only, so there is nothing to bind: load it with `RenderAssetUsages::MAIN_WORLD` as well.
+    #[error("the mesh's data is in the render world only; load it with RenderAssetUsages::MAIN_WORLD as well")]
+    NotInMainWorld,
+    /// The mesh has no attribute of that name, or it is not made of f32.
+    #[error("the mesh has no f32 attribute {0}")]
+    Attribute(&'static str),
+    /// The mesh is not the one the rig was made for.
+    #[error("the mesh has {mesh} vertices, the rig was made for {rig}")]
+    VertexCount {
+        /// Vertices of the mesh.
+        mesh: usize,
+        /// Vertices the rig has influences for.
+        rig: usize,
+    },
+    /// A vertex is not a whole number of 32-bit words, or an attribute is not aligned to one.
+    #[error("a vertex of {stride} bytes with an attribute at byte {offset} is not made of whole words")]
+    Alignment {
+        /// Bytes of a vertex.
+        stride: u64,
+        /// Byte offset of the attribute.
+        offset: u64,
+    },
+    /// The rig's influences or the mesh's vertices are broken.
+    #[error("{0}")]
+    Binding(#[from] BindingError),
+}
+
+/// Triggered on a body whose mesh cannot follow its particles; the mesh stays as it is. Tried again when the body gets another mesh or rig, or the mesh asset changes.
+#[derive(EntityEvent, Debug, Clone)]
+pub struct SkinRejected {
+    /// The body.
+    pub entity: Entity,
+    /// What was wrong.
+    pub reason: SkinError,
+}
+
+/// What was refused, so that it is neither tried nor reported again every frame.
+#[derive(Component, Debug)]
+pub(super) struct Refused {
+    mesh: AssetId<Mesh>,
+    rig: Arc<Rig>,
+}
+
+type Attachable<'a> = (Entity, &'a SoftBody, &'a Particles, &'a mut Mesh3d, Option<&'a Skin>, Option<&'a Refused>);
+
+/// Binds bodies that are new or whose mesh or rig changed.
+pub(super) fn attach_skins(
+    mut commands: Commands,
+    mut bodies: Query<Attachable>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut bindings: ResMut<Bindings>,
+    mut events: MessageReader<AssetEvent<Mesh>>,
+    mut modified: Local<Vec<AssetId<Mesh>>>,
+    stats: Res<SkinningStats>,
+) {
+    modified.clear();
+    modified.extend(events.read().filter_map(|event| match event {
+        AssetEvent::Modified { id } => Some(*id),
+        _ => None,
+    }));
+    if !modified.is_empty() {
+        bindings.0.retain(|(mesh, _), _| !modified.contains(mesh));
+    }
+    for (entity, body, particles, mut mesh3d, skin, refused) in &mut bodies {
+        let source = match skin {
+            // The user's mesh is still the source as long as nobody put another one into `Mesh3d`.
+            Some(skin) if mesh3d.0 == skin.instance => {
+                if Arc::ptr_eq(&skin.shared.rig, &body.rig) && !modified.contains(&skin.source.id()) {
+                    continue;
+                }
+                skin.source.clone()
+            }
+            _ => mesh3d.0.clone(),
+        };
+        if let Some(refused) = refused
+            && refused.mesh == source.id()
+            && Arc::ptr_eq(&refused.rig, &body.rig)
+            && !modified.contains(&refused.mesh)
+        {
+            continue;
+        }
+        // Not loaded yet, or gone: nothing to bind, and nothing to complain about.
+        let Some(mesh) = meshes.get(&source) else {
+            continue;
+        };
+        match bind(&mut bindings, source.id(), mesh, &body.rig) {
+            Ok(shared) => {
+                let mut instance = mesh.clone();
+                instance.asset_usage = if stats.on_cpu { RenderAssetUsages::all() } else { RenderAssetUsages::RENDER_WORLD };
+                // The copy starts in the body's pose and space, so that its first upload is already right.
+                let mut transforms = Vec::new();
+                pose_particles(&mut transforms, &shared.binding, &body.rig, &Pose::present(particles));
+                write_vertices(&mut instance, &shared.binding, &transforms);
+                let instance = meshes.add(instance);
+                mesh3d.0 = instance.clone();
+                commands.entity(entity).remove::<Refused>().insert((
+                    Skin { source, instance, shared, transforms },
+                    Aabb::default(),
+                    NoAutoAabb,
+                ));
+            }
+            Err(reason) => {
+                tracing::error!("the mesh of soft body {entity} stays undeformed: {reason}");
+                let refused = Refused { mesh: source.id(), rig: body.rig.clone() };
+                if skin.is_some() {
+                    mesh3d.0 = source;
+                }
+                commands.entity(entity).remove::<(Skin, NoAutoAabb, Aabb)>().insert(refused);
+                commands.trigger(SkinRejected { entity, reason });
+            }
+        }
+    }
+}
+
+/// Gives back the user's mesh where the body is gone.
+pub(super) fn detach_skins(
+    mut commands: Commands,
+    mut skinned: Query<(Entity, &Skin, Option<&mut Mesh3d>), Or<(Without<SoftBody>, Without<Particles>, Without<Mesh3d>)>>,
+) {
+    for (entity, skin, mesh3d) in &mut skinned {
+        if let Some(mut mesh3d) = mesh3d
+            && mesh3d.0 == skin.instance
+        {
+            mesh3d.0 = skin.source.clone();
+        }
+        commands.entity(entity).remove::<(Skin, NoAutoAabb, Aabb)>();
+    }
+}
+
+/// The shared binding of this mesh and rig, made if nobody has it.
+fn bind(bindings: &mut Bindings, id: AssetId<Mesh>, mesh: &Mesh, rig: &Arc<Rig>) -> Result<Arc<SharedBinding>, SkinError> {
+    let key = (id, Arc::as_ptr(rig) as usize);
+    if let Some(shared) = bindings.0.get(&key).and_then(Weak::upgrade) {
+        return Ok(shared);
+    }
+    let layout = vertex_layout(mesh)?;
+    let positions = vectors(mesh, Mesh::ATTRIBUTE_POSITION.id).ok_or(SkinError::Attribute("position"))?;
+    let normals = vectors(mesh, Mesh::ATTRIBUTE_NORMAL.id).unwrap_or(&[]);
+    let tangents = match mesh.try_attribute_option(Mesh::ATTRIBUTE_TANGENT) {
+        Ok(Some(VertexAttributeValues::Float32x4(values))) => values.as_slice(),
+        _ => &[],
+    };
+    // Bevy cuts all attributes to the shortest.
+    let vertices = mesh.count_vertices();
+    if vertices != rig.skin.len() || positions.len() != vertices {
+        return Err(SkinError::VertexCount { mesh: vertices, rig: rig.skin.len() });
+    }
+    let particles: Vec<Vec3> = rig.particles.iter().map(|particle| particle.position).collect();
+    let binding = Binding::new(
+        RestMesh { positions, normals: cut(normals, vertices), tangents: cut(tangents, vertices) },
+        &particles,
+        rig.skin.iter().map(|influences| (influences.particles, influences.weights)),
+    )?;
+    let shared = Arc::new(SharedBinding { binding, layout, rig: rig.clone() });
+    bindings.0.retain(|_, shared| shared.strong_count() > 0);
+    bindings.0.insert(key, Arc::downgrade(&shared));
+    Ok(shared)
+}
+
+fn cut<T>(values: &[T], len: usize) -> &[T] {
+    values.get(..len).unwrap_or(values)
+}
+
+fn vectors(mesh: &Mesh, id: MeshVertexAttributeId) -> Option<&[[f32; 3]]> {
+    match mesh.try_attribute_option(id) {
+        Ok(Some(VertexAttributeValues::Float32x3(values))) => Some(values),
+        _ => None,
+    }
+}
+
+/// Where position, normal and tangent lie: Bevy packs a mesh's attributes in the order of their ids, without gaps.
+fn vertex_layout(mesh: &Mesh) -> Result<VertexLayout, SkinError> {
+    let attributes = mesh.try_attributes().map_err(|_| SkinError::NotInMainWorld)?;
+    let (mut position, mut normal, mut tangent) = (None, None, None);
+    let mut stride = 0;
+    for (attribute, values) in attributes {
+        let offset = Some(stride);
+        match values {
+            VertexAttributeValues::Float32x3(_) if attribute.id == Mesh::ATTRIBUTE_POSITION.id => position = offset,
+            VertexAttributeValues::Float32x3(_) if attribute.id == Mesh::ATTRIBUTE_NORMAL.id => normal = offset,
+            VertexAttributeValues::Float32x4(_) if attribute.id == Mesh::ATTRIBUTE_TANGENT.id => tangent = offset,
+            _ => {}
+        }
+        stride += attribute.format.size();
+    }
+    let words = |offset: u64| {
+        if stride % 4 == 0 && offset % 4 == 0 { Ok((offset / 4) as u32) } else { Err(SkinError::Alignment { stride, offset }) }
+    };
+    Ok(VertexLayout {
+        stride: (stride / 4) as u32,
+        position: words(position.ok_or(SkinError::Attribute("position"))?)?,
+        normal: normal.map(words).transpose()?,
+        tangent: tangent.map(words).transpose()?,
+    })
+}

@@ -1,0 +1,126 @@
+//! Of the planes found for one particle, those that matter.
+
+use rapier3d::math::Vector;
+
+/// A plane that one particle may have to stay above, relative to the body's origin, as of the start of the step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    /// When it matters.
+    pub(crate) when: When,
+    /// How far the particle's centre is above the plane now \[m\].
+    pub(crate) distance: f32,
+    pub(crate) point: Vector,
+    pub(crate) normal: Vector,
+    /// How fast the plane turns \[rad/s\].
+    pub(crate) turn: Vector,
+    /// Which of the obstacles near the body, and which of its parts.
+    pub(crate) obstacle: u32,
+    pub(crate) part: u32,
+}
+
+/// When a plane matters, in the order of urgency.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum When {
+    /// The centre went through it: it is on the wrong side now.
+    Crossed,
+    /// It is near.
+    Now,
+    /// The particle will touch it after this share of the step.
+    Later(f32),
+}
+
+impl When {
+    fn order(self) -> f32 {
+        match self {
+            Self::Crossed => -1.0,
+            Self::Now => 0.0,
+            Self::Later(time) => time,
+        }
+    }
+}
+
+/// How many planes a particle keeps at most: three hold it in a corner, one is to spare.
+pub(crate) const MOST: usize = 4;
+
+/// Sorts `candidates`, all of one particle, and drops those whose surface point is not above every plane already kept by more than `step` \[m\].
+///
+/// A plane is the tangent plane of a convex part, so what lies behind a kept plane at the point nearest to the particle cannot be touched before that plane is. That drops the other triangles of a
+/// flat floor, whose nearest points are their edges; the neighbours in a row of boxes; the far side of a thin wall; duplicates. Without it every inner edge would be a bump. A real corner
+/// stays: the wall's nearest point is above the floor.
+///
+/// Geometry that rises above a kept plane by less than `step` is taken for a part of it: over an edge that small it is gentler to lift the particle when it is past it.
+pub(crate) fn reduce(candidates: &mut Vec<Candidate>, step: f32) {
+    candidates.sort_unstable_by(|a, b| {
+        (a.when.order().total_cmp(&b.when.order()))
+            .then(a.distance.total_cmp(&b.distance))
+            .then((a.obstacle, a.part).cmp(&(b.obstacle, b.part)))
+    });
+    let mut kept = 0;
+    for i in 0..candidates.len() {
+        let candidate = candidates[i];
+        if kept < MOST && candidates[..kept].iter().all(|plane| plane.normal.dot(candidate.point - plane.point) > step) {
+            candidates[kept] = candidate;
+            kept += 1;
+        }
+    }
+    candidates.truncate(kept);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plane(point: Vector, normal: Vector) -> Candidate {
+        let center = Vector::Y;
+        Candidate { when: When::Now, distance: normal.dot(center - point), point, normal, turn: Vector::ZERO, obstacle: 0, part: 0 }
+    }
+
+    /// The plane by which a particle at (0, 1, 0) sees a point.
+    fn edge(point: Vector) -> Candidate {
+        plane(point, (Vector::Y - point).normalize())
+    }
+
+    #[test]
+    fn inner_edges_of_a_flat_floor_go() {
+        let mut list = vec![edge(Vector::new(0.4, 0.0, 0.0)), edge(Vector::new(-0.1, 1e-6, 0.3)), plane(Vector::ZERO, Vector::Y)];
+        reduce(&mut list, 1e-3);
+        assert_eq!(list.len(), 1);
+        assert_eq!(list[0].normal, Vector::Y);
+    }
+
+    #[test]
+    fn a_corner_keeps_both_its_sides() {
+        let wall = plane(Vector::new(0.9, 1.0, 0.0), Vector::NEG_X);
+        let mut list = vec![plane(Vector::ZERO, Vector::Y), wall, plane(Vector::new(0.9, 0.0, 0.0), Vector::NEG_X)];
+        reduce(&mut list, 1e-3);
+        assert_eq!(list.iter().map(|c| c.normal).collect::<Vec<_>>(), [Vector::NEG_X, Vector::Y]);
+    }
+
+    #[test]
+    fn a_crossed_plane_hides_what_is_behind_it() {
+        let mut crossed = plane(Vector::Y * 1.2, Vector::Y);
+        crossed.when = When::Crossed;
+        // The same thin floor as seen from below, and its underside.
+        let mut list = vec![plane(Vector::Y * 1.2, Vector::NEG_Y), plane(Vector::Y * 1.1, Vector::NEG_Y), crossed];
+        reduce(&mut list, 1e-3);
+        assert_eq!(list.len(), 1);
+        assert_eq!(list[0].normal, Vector::Y);
+    }
+
+    #[test]
+    fn at_most_four_are_kept_and_the_order_does_not_matter() {
+        let mut list: Vec<Candidate> = (0..9)
+            .map(|i| {
+                let a = i as f32 * 0.7;
+                let out = Vector::new(libm::cosf(a), 0.3 * libm::sinf(3.0 * a), libm::sinf(a));
+                plane(Vector::Y + out, -out.normalize())
+            })
+            .collect();
+        let mut turned = list.clone();
+        turned.reverse();
+        reduce(&mut list, 1e-3);
+        reduce(&mut turned, 1e-3);
+        assert_eq!(list.len(), MOST);
+        assert!(list.iter().zip(&turned).all(|(a, b)| a.point == b.point));
+    }
+}

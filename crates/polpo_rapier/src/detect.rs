@@ -1,0 +1,289 @@
+//! Finds, once a step, the planes that the particles of a body must stay above.
+
+use polpo_solver::{Contact, Contacts, Ellipsoid, Particles};
+use rapier3d::geometry::{BoundingVolume, ColliderSet, Group, InteractionGroups, InteractionTestMode, Shape};
+use rapier3d::math::{Pose, Vector};
+use rapier3d::parry::bounding_volume::Aabb;
+
+use crate::candidates::{Candidate, When, reduce};
+use crate::nearest::{Nearest, nearest};
+use crate::obstacles::{Frame, Obstacle, Obstacles};
+use crate::parts::{visit_parts, way_out};
+use crate::probe::{Finding, Probe};
+
+/// A body as the detection sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct DetectionInput<'a> {
+    /// Its particles at the start of the step.
+    pub particles: &'a Particles,
+    /// Where the particles' origin is in the world \[m\].
+    pub origin: Vector,
+    /// What accelerates them besides constraints, gravity as a rule \[m/s²\].
+    pub acceleration: Vector,
+    /// Length of the step \[s\].
+    pub dt: f32,
+    /// Coulomb's coefficient of the body's skin, 0 … ∞; combined with the collider's by the collider's rule.
+    pub friction: f32,
+    /// The layers that the body is in, one bit each.
+    pub memberships: u32,
+    /// The layers whose colliders it meets.
+    pub filter: u32,
+}
+
+/// Where each particle's centre was when it was last on the right side of everything, relative to the body's origin. Keep one a body from step to step.
+///
+/// It is how a particle that its neighbours pulled through a thin floor or a bare triangle mesh is known to be on the wrong side: the way from there to here crosses the surface. It follows the
+/// particle as long as that does not happen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FreePositions {
+    /// One a particle \[m\]. Another number of them than there are particles means that nothing is known.
+    pub position: Vec<Vector>,
+}
+
+/// The detection's scratch memory: reuse it, so that a warmed-up step allocates nothing.
+///
+/// For each particle and each convex part of a collider near it (a triangle, a box of a compound):
+///
+/// 1. the plane at the part's nearest point, if the gap to the ellipsoid is at most half its smallest radius;
+/// 2. for a particle that moves by more than a tenth of its smallest radius relative to the collider: the plane where it will touch the part in this step;
+/// 3. the plane through which the centre came since it was last free.
+///
+/// Of all planes of a particle, from all colliders, those hidden behind more urgent ones are dropped, and at most four kept. All arithmetic is relative to the body's origin or in a collider's
+/// own axes.
+#[derive(Debug, Default)]
+pub struct ContactDetector {
+    near: Vec<Near>,
+    candidates: Vec<Candidate>,
+}
+
+/// An obstacle near the body: its index, and where it is now, at the end of the step and at the start of the last one.
+#[derive(Clone, Copy, Debug)]
+struct Near {
+    index: u32,
+    frames: [Frame; 3],
+}
+
+/// Gaps up to this share of the smallest radius count as near. Wider, and the plane at an edge becomes a ghost wall beside it; narrower, and neighbours push particles in before it is seen.
+const SLACK: f32 = 0.5;
+/// Motion of less than this share of the smallest radius in a step is not swept.
+const STILL: f32 = 0.1;
+/// What rises above a plane by less than this share of the smallest radius belongs to it.
+const FLUSH: f32 = 0.02;
+/// A centre deeper under a height field than this many largest radii is taken to be meant to be there.
+const GROUND: f32 = 4.0;
+
+impl ContactDetector {
+    /// Fills `contacts` for the step, and brings `free` up to date.
+    ///
+    /// Non-finite particles and colliders of another generation than `obstacles` have no contacts.
+    pub fn detect(
+        &mut self,
+        body: &DetectionInput,
+        obstacles: &Obstacles,
+        colliders: &ColliderSet,
+        free: &mut FreePositions,
+        contacts: &mut Contacts,
+    ) {
+        contacts.list.clear();
+        let p = body.particles;
+        if free.position.len() != p.len() {
+            free.position.clear();
+            free.position.extend(p.position.iter().map(|x| Vector::from(*x)));
+        }
+        self.gather_near(body, obstacles, &free.position);
+        if self.near.is_empty() {
+            for (free, x) in free.position.iter_mut().zip(&p.position) {
+                *free = (*x).into();
+            }
+            return;
+        }
+        for i in 0..p.len() {
+            self.find(body, i, obstacles, colliders, Some(free.position[i]), SLACK * p.radii[i].min_element());
+            let now = Vector::from(p.position[i]);
+            free.position[i] = match self.candidates.first() {
+                // Not where it came from but above where it is now: it may slide on under the surface, past other triangles.
+                Some(plane) if plane.when == When::Crossed => now + plane.normal * (0.5 * p.radii[i].min_element() - plane.distance),
+                _ => now,
+            };
+            for found in &self.candidates {
+                let Near { index, frames: [frame, ..] } = self.near[found.obstacle as usize];
+                let obstacle = &obstacles.list[index as usize];
+                contacts.list.push(Contact {
+                    particle: i as u32,
+                    friction: obstacle.friction_with(body.friction),
+                    point: found.point.into(),
+                    normal: found.normal.into(),
+                    velocity: obstacle.velocity_at(found.point, &frame).into(),
+                    angular_velocity: found.turn.into(),
+                    impulse: 0.0,
+                });
+            }
+        }
+    }
+
+    /// The greatest overlap of any particle with anything \[m\], 0 if there is none.
+    pub(crate) fn deepest(&mut self, body: &DetectionInput, obstacles: &Obstacles, colliders: &ColliderSet) -> f32 {
+        self.gather_near(body, obstacles, &[]);
+        let mut deepest = 0.0f32;
+        if !self.near.is_empty() {
+            for i in 0..body.particles.len() {
+                self.find(body, i, obstacles, colliders, None, 0.0);
+                let ellipsoid = body.particles.ellipsoid(i);
+                for found in &self.candidates {
+                    deepest = deepest.max(ellipsoid.support(found.normal.into()).0 - found.distance);
+                }
+            }
+        }
+        deepest
+    }
+
+    /// The obstacles that the body's box meets, grown by its motion, into `self.near`.
+    fn gather_near(&mut self, body: &DetectionInput, obstacles: &Obstacles, free: &[Vector]) {
+        self.near.clear();
+        let p = body.particles;
+        let (mut mins, mut maxs) = (Vector::INFINITY, Vector::NEG_INFINITY);
+        for i in 0..p.len() {
+            let reach = (1.0 + SLACK) * p.radii[i].max_element();
+            let now = Vector::from(p.position[i]);
+            let end = now + way(body, i);
+            mins = mins.min(now.min(end) - reach);
+            maxs = maxs.max(now.max(end) + reach);
+        }
+        for at in free {
+            mins = mins.min(*at);
+            maxs = maxs.max(*at);
+        }
+        // Also false for a body without particles.
+        if !(mins.is_finite() && maxs.is_finite()) {
+            return;
+        }
+        let groups = |bits| Group::from_bits_truncate(bits);
+        let layers = InteractionGroups::new(groups(body.memberships), groups(body.filter), InteractionTestMode::And);
+        for (index, obstacle) in obstacles.list.iter().enumerate() {
+            if obstacle.meets(mins, maxs, body.origin) && obstacle.lets_meet(layers) {
+                self.near.push(Near { index: index as u32, frames: obstacle.frames(body.origin, body.dt) });
+            }
+        }
+    }
+
+    /// The planes of particle `i`, reduced, into `self.candidates`.
+    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vector>, slack: f32) {
+        self.candidates.clear();
+        let p = body.particles;
+        let now = Vector::from(p.position[i]);
+        let end = now + way(body, i);
+        let ellipsoid = p.ellipsoid(i);
+        let (bound, least) = (ellipsoid.bound(), ellipsoid.radii.min_element());
+        if !(end.is_finite() && ellipsoid.orientation.is_finite()) {
+            return;
+        }
+        let reach = Vector::splat(bound + slack);
+        let (mut mins, mut maxs) = (now.min(end) - reach, now.max(end) + reach);
+        if let Some(at) = free {
+            mins = mins.min(at);
+            maxs = maxs.max(at);
+        }
+        for (near, &Near { index, frames: [frame, frame_at_end, frame_before] }) in self.near.iter().enumerate() {
+            let obstacle = &obstacles.list[index as usize];
+            let Some(collider) = colliders.get(obstacle.handle).filter(|_| obstacle.meets(mins, maxs, body.origin)) else {
+                continue;
+            };
+            let local_now = frame.inside(now);
+            let local_end = frame_at_end.inside(end);
+            let local_free = free.map(|at| frame_before.inside(at));
+            let probe = Probe {
+                now: local_now,
+                end: (local_now.distance(local_end) > STILL * least && body.dt > 0.0).then_some(local_end),
+                free: local_free.filter(|at| at.distance(local_now) > 1e-3 * least),
+                ellipsoid: Ellipsoid { orientation: frame.rotation.inverse() * ellipsoid.orientation, ..ellipsoid },
+                round: bound == least,
+                bound,
+                least,
+                slack,
+                inside: false,
+            };
+            let ask = Ask { near: near as u32, obstacle, frame, dt: body.dt, step: local_end - local_now, shape: collider.shape() };
+            ask.collect(probe, &mut self.candidates);
+        }
+        reduce(&mut self.candidates, FLUSH * least);
+    }
+}
+
+/// How far particle `i` will go in this step if nothing holds it.
+fn way(body: &DetectionInput, i: usize) -> Vector {
+    (Vector::from(body.particles.velocity[i]) + body.acceleration * body.dt) * body.dt
+}
+
+/// One obstacle, asked for the planes of one particle.
+struct Ask<'a> {
+    near: u32,
+    obstacle: &'a Obstacle,
+    frame: Frame,
+    dt: f32,
+    /// The particle's motion relative to the obstacle in this step, in the obstacle's axes.
+    step: Vector,
+    shape: &'a dyn Shape,
+}
+
+impl Ask<'_> {
+    fn collect(&self, mut probe: Probe, out: &mut Vec<Candidate>) {
+        let (mut mins, mut maxs) = (probe.now, probe.now);
+        for at in [probe.end, probe.free].into_iter().flatten() {
+            mins = mins.min(at);
+            maxs = maxs.max(at);
+        }
+        let reach = Vector::splat(probe.bound + probe.slack);
+        let bounds = Aabb::new(mins - reach, maxs + reach);
+        if !self.obstacle.local_bounds.intersects(&bounds) {
+            return;
+        }
+        let mut keep = |when, part, plane: Nearest, turn| {
+            out.push(Candidate {
+                when,
+                distance: plane.normal.dot(probe.now - plane.point),
+                point: self.frame.outside(plane.point),
+                normal: self.frame.rotation * plane.normal,
+                turn,
+                obstacle: self.near,
+                part,
+            });
+        };
+        let rigid = self.obstacle.angular_velocity;
+        let travelled = probe.free.map_or(0.0, |at| at.distance(probe.now));
+        if let Some(plane) = way_out(self.shape, probe.now, GROUND * probe.bound + travelled) {
+            probe.inside = true;
+            keep(When::Now, u32::MAX, plane, rigid);
+        }
+        visit_parts(self.shape, &bounds, &mut |part, pose, shape| {
+            probe.ask(shape, pose, |found| match found {
+                Finding::Near(plane) if rigid == Vector::ZERO => keep(When::Now, part, plane, rigid),
+                Finding::Near(plane) => keep(When::Now, part, plane, self.turn(&probe, plane.normal, shape, pose)),
+                Finding::Ahead(time, plane) => keep(When::Later(time), part, plane, rigid),
+                Finding::Crossed(plane) => keep(When::Crossed, part, plane, rigid),
+            });
+        });
+    }
+
+    /// How fast the plane with `normal` (in the obstacle's axes) turns for this particle [rad/s].
+    ///
+    /// A flat face turns as the obstacle does. A rolling wheel's tangent plane does not: its material goes round, its shape stays. With δ the particle's motion relative to the obstacle, the normal
+    /// that the particle sees changes by n(x + δ) − n(x) in the obstacle's axes, on top of ω × n; the change is taken over a part of δ so short that it stays on the same face. The spin about the
+    /// normal, ω·n, is the obstacle's own.
+    fn turn(&self, probe: &Probe, normal: Vector, shape: &dyn Shape, pose: Option<&Pose>) -> Vector {
+        let rigid = self.obstacle.angular_velocity;
+        let length = self.step.length();
+        if length <= 0.0 || self.dt <= 0.0 {
+            return rigid;
+        }
+        let share = (0.1 * probe.least / length).min(1.0);
+        let seen_from = |at: Vector| match pose {
+            Some(pose) => pose.rotation * nearest(shape, pose.inverse_transform_point(at)).normal,
+            None => nearest(shape, at).normal,
+        };
+        let change = (seen_from(probe.now + self.step * share) - seen_from(probe.now)) / (share * self.dt);
+        let n = self.frame.rotation * normal;
+        let turn = n.cross(rigid.cross(n) + self.frame.rotation * change) + n * rigid.dot(n);
+        // A jump to another face is not a turn.
+        if turn.length_squared() <= 4.0 * rigid.length_squared() { turn } else { rigid }
+    }
+}

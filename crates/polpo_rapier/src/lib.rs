@@ -1,0 +1,44 @@
+//! Rapier colliders become contacts of Polpo's soft bodies.
+//!
+//! Add [`PolpoRapierPlugin`] beside `polpo::PolpoPlugin` and fill the [`RapierWorld`] by Rapier's own API:
+//!
+//! ```
+//! use bevy::prelude::*;
+//! use polpo_rapier::{PolpoRapierPlugin, RapierWorld};
+//! use rapier3d::prelude::*;
+//!
+//! let mut app = App::new();
+//! app.add_plugins((MinimalPlugins, polpo::PolpoPlugin::default(), PolpoRapierPlugin::default()));
+//! let mut world = app.world_mut().resource_mut::<RapierWorld>();
+//! world.insert_fixed(ColliderBuilder::cuboid(10.0, 0.5, 10.0).friction(0.8));
+//! app.update();
+//! ```
+//!
+//! Every shape of Rapier's works: balls, cuboids, capsules, cylinders, cones, convex hulls, their round variants, half-spaces, triangles, segments, triangle meshes, height fields, compounds,
+//! polylines, voxels. Layers, sensors, friction and its combine rules mean what they mean in Rapier.
+//!
+//! The detection itself knows no ECS: [`Obstacles::gather`] takes a snapshot of any `RigidBodySet` and `ColliderSet`, [`ContactDetector::detect`] fills a body's contacts from it, [`penetration`] measures.
+//!
+//! # Limits
+//!
+//! - Dynamic rigid bodies are not pushed by soft ones.
+//! - A contact is a plane for the length of a step. A particle that crosses more than its own size of a curved surface in a step sees it as flat for that long.
+//! - A particle is swept along a straight line without turning, and a fast, thin obstacle is met by the whole ellipsoid; but what neighbours do to the particle within the step is not foreseen.
+//!   It may so get through a thin thing; its memory ([`ContactMemory`]) then brings it back, at the body's push speed.
+
+mod candidates;
+mod cast;
+mod detect;
+mod nearest;
+mod obstacles;
+mod parts;
+mod penetration;
+mod plugin;
+mod probe;
+mod world;
+
+pub use detect::{ContactDetector, DetectionInput, FreePositions};
+pub use obstacles::Obstacles;
+pub use penetration::penetration;
+pub use plugin::{ContactMemory, PolpoRapierPlugin, RapierSystems};
+pub use world::RapierWorld;

@@ -1,0 +1,229 @@
+//! The point of a convex shape that is nearest to a point.
+
+use rapier3d::geometry::{ConvexPolyhedron, PointQueryWithLocation, Shape, Triangle, TrianglePointLocation, TypedShape};
+use rapier3d::math::Vector;
+
+/// The place of a convex shape that is nearest to a point, as a plane: the shape lies behind it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Nearest {
+    /// On the surface.
+    pub(crate) point: Vector,
+    /// Out of the shape, unit length.
+    pub(crate) normal: Vector,
+    /// How far the asking point is above the plane \[m\]; negative inside a solid.
+    pub(crate) distance: f32,
+}
+
+impl Nearest {
+    /// The same for the shape grown by `radius`: for a convex shape the offset of the nearest point is the nearest point of the offset, inside and out.
+    fn grown(self, radius: f32) -> Self {
+        Self { point: self.point + self.normal * radius, normal: self.normal, distance: self.distance - radius }
+    }
+
+    pub(crate) fn is_finite(&self) -> bool {
+        self.point.is_finite() && self.normal.is_finite() && self.distance.is_finite()
+    }
+}
+
+/// The place of `shape` nearest to `at`, both in the shape's own axes.
+///
+/// Parry's projection answers for most shapes. Written out are those where it divides by zero (a ball about its own centre), has no inside to speak of (half-space, triangle), or searches by an
+/// iteration that may give up with a panic (everything it treats as a bare support map: convex polyhedra and round shapes).
+///
+/// Degenerate: a point exactly on the surface gets the normal of the face it is on. A non-finite point or shape gives a non-finite answer, which the caller drops.
+pub(crate) fn nearest(shape: &dyn Shape, at: Vector) -> Nearest {
+    match shape.as_typed_shape() {
+        TypedShape::Ball(ball) => {
+            let length = at.length();
+            let normal = if length > 0.0 { at / length } else { Vector::Y };
+            Nearest { point: normal * ball.radius, normal, distance: length - ball.radius }
+        }
+        TypedShape::HalfSpace(half) => {
+            let distance = half.normal.dot(at);
+            Nearest { point: at - half.normal * distance, normal: half.normal, distance }
+        }
+        TypedShape::Triangle(triangle) => nearest_on_triangle(triangle, at),
+        TypedShape::ConvexPolyhedron(polyhedron) => nearest_on_polyhedron(polyhedron, at),
+        TypedShape::RoundCuboid(round) => nearest(&round.inner_shape, at).grown(round.border_radius),
+        TypedShape::RoundTriangle(round) => nearest(&round.inner_shape, at).grown(round.border_radius),
+        TypedShape::RoundCylinder(round) => nearest(&round.inner_shape, at).grown(round.border_radius),
+        TypedShape::RoundCone(round) => nearest(&round.inner_shape, at).grown(round.border_radius),
+        TypedShape::RoundConvexPolyhedron(round) => nearest(&round.inner_shape, at).grown(round.border_radius),
+        _ => nearest_by_projection(shape, at),
+    }
+}
+
+/// Below this the direction from the surface to `at` is rounding noise \[m\].
+fn noise(at: Vector) -> f32 {
+    1e-5 * at.abs().max_element()
+}
+
+fn nearest_by_projection(shape: &dyn Shape, at: Vector) -> Nearest {
+    let projection = shape.project_local_point(at, false);
+    let way = at - projection.point;
+    let length = way.length();
+    if length > noise(at) {
+        let distance = if projection.is_inside { -length } else { length };
+        return Nearest { point: projection.point, normal: way / distance, distance };
+    }
+    // On the surface: ask from a little beside it. An offset o off a plane with normal n is o·n above it and sees exactly n; the best of six sees the face best.
+    let step = (1e-3 * at.abs().max_element()).max(1e-4);
+    let mut best = (0.0, Vector::Y);
+    for offset in [Vector::Y, Vector::NEG_Y, Vector::X, Vector::NEG_X, Vector::Z, Vector::NEG_Z] {
+        let beside = at + offset * step;
+        let projection = shape.project_local_point(beside, false);
+        let way = beside - projection.point;
+        let length = way.length();
+        if !projection.is_inside && length > best.0 {
+            best = (length, way / length);
+        }
+    }
+    Nearest { point: projection.point, normal: best.1, distance: 0.0 }
+}
+
+/// A triangle has no inside: the normal points to the side on which `at` is.
+fn nearest_on_triangle(triangle: &Triangle, at: Vector) -> Nearest {
+    let (projection, location) = triangle.project_local_point_and_get_location(at, false);
+    let way = at - projection.point;
+    let length = way.length();
+    let on_face = matches!(location, TrianglePointLocation::OnFace(..));
+    if !on_face && length > noise(at) {
+        return Nearest { point: projection.point, normal: way / length, distance: length };
+    }
+    // Above the face the triangle's own normal has no noise; a resting particle would otherwise lie on a surface that trembles by 1e-4 rad.
+    let normal = triangle.scaled_normal().normalize_or(Vector::Y);
+    let distance = normal.dot(at - triangle.a);
+    let side = if distance < 0.0 { -1.0 } else { 1.0 };
+    let point = if on_face { at - normal * distance } else { projection.point };
+    Nearest { point, normal: normal * side, distance: if on_face { distance * side } else { length } }
+}
+
+/// Inside, the face that is nearest; outside, the nearest point of all faces that see `at`.
+fn nearest_on_polyhedron(polyhedron: &ConvexPolyhedron, at: Vector) -> Nearest {
+    let points = polyhedron.points();
+    let corners = polyhedron.vertices_adj_to_face();
+    let corners_of = |face: usize| {
+        let face = &polyhedron.faces()[face];
+        let first = face.first_vertex_or_edge as usize;
+        &corners[first..first + face.num_vertices_or_edges as usize]
+    };
+    let height = |face: usize| polyhedron.faces()[face].normal.dot(at - points[corners_of(face)[0] as usize]);
+    let mut above = (f32::NEG_INFINITY, 0);
+    for face in 0..polyhedron.faces().len() {
+        let h = height(face);
+        if h > above.0 {
+            above = (h, face);
+        }
+    }
+    let (distance, face) = above;
+    if distance <= 0.0 {
+        let normal = polyhedron.faces()[face].normal;
+        return Nearest { point: at - normal * distance, normal, distance };
+    }
+    let mut best = Nearest { point: at, normal: Vector::Y, distance: f32::INFINITY };
+    for face in 0..polyhedron.faces().len() {
+        let h = height(face);
+        if h <= 0.0 || h >= best.distance {
+            continue;
+        }
+        let ring = corners_of(face);
+        for two in ring[1..].windows(2) {
+            let fan = Triangle::new(points[ring[0] as usize], points[two[0] as usize], points[two[1] as usize]);
+            let here = nearest_on_triangle(&fan, at);
+            if here.distance < best.distance {
+                best = here;
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rapier3d::geometry::{Ball, Capsule, Cone, Cuboid, Cylinder, HalfSpace, RoundShape, Segment, SharedShape};
+
+    fn hull() -> SharedShape {
+        let points: Vec<Vector> = (0..8)
+            .map(|i| {
+                let sign = |bit: i32| if i & bit == 0 { -1.0 } else { 1.0 };
+                Vector::new(0.5 * sign(1), 0.3 * sign(2), 0.7 * sign(4))
+            })
+            .collect();
+        SharedShape::convex_hull(&points).unwrap()
+    }
+
+    fn solids() -> Vec<(&'static str, SharedShape)> {
+        let cuboid = Cuboid::new(Vector::new(0.5, 0.3, 0.7));
+        vec![
+            ("ball", SharedShape::new(Ball::new(0.6))),
+            ("cuboid", SharedShape::new(cuboid)),
+            ("capsule", SharedShape::new(Capsule::new(Vector::new(-0.2, 0.0, 0.1), Vector::new(0.4, 0.3, 0.0), 0.3))),
+            ("cylinder", SharedShape::new(Cylinder::new(0.4, 0.3))),
+            ("cone", SharedShape::new(Cone::new(0.4, 0.5))),
+            ("half-space", SharedShape::new(HalfSpace::new(Vector::new(0.6, 0.8, 0.0)))),
+            ("polyhedron", hull()),
+            ("round cuboid", SharedShape::new(RoundShape { inner_shape: cuboid, border_radius: 0.1 })),
+            ("round cylinder", SharedShape::new(RoundShape { inner_shape: Cylinder::new(0.4, 0.3), border_radius: 0.1 })),
+            ("round cone", SharedShape::new(RoundShape { inner_shape: Cone::new(0.4, 0.5), border_radius: 0.1 })),
+        ]
+    }
+
+    fn grid() -> impl Iterator<Item = Vector> {
+        (0..9 * 9 * 9).map(|i| Vector::new((i % 9) as f32, (i / 9 % 9) as f32, (i / 81) as f32) * 0.27 - Vector::splat(1.07))
+    }
+
+    /// Where the distance is smooth, its gradient is the normal, and going back by it leads to the surface. At a solid's medial axis and near corners finite differences do not apply.
+    #[test]
+    fn normal_is_the_gradient_of_the_distance() {
+        for (name, shape) in solids() {
+            let mut smooth = 0;
+            for at in grid() {
+                let here = nearest(&*shape, at);
+                assert!((here.normal.length() - 1.0).abs() < 1e-5, "{name} at {at}");
+                assert!((at - here.normal * here.distance - here.point).length() < 1e-5, "{name} at {at}: {here:?}");
+                assert!(nearest(&*shape, here.point).distance.abs() < 1e-5, "{name} at {at}: not on the surface");
+                let e = 2e-3;
+                let slope = |o: Vector| (nearest(&*shape, at + o * e).distance - nearest(&*shape, at - o * e).distance) / (2.0 * e);
+                let gradient = Vector::new(slope(Vector::X), slope(Vector::Y), slope(Vector::Z));
+                if (gradient.length() - 1.0).abs() < 1e-3 {
+                    smooth += 1;
+                    assert!((gradient - here.normal).length() < 1e-2, "{name} at {at}: {gradient} against {}", here.normal);
+                }
+            }
+            assert!(smooth > 600, "{name}: only {smooth} of 729 places were smooth");
+        }
+    }
+
+    #[test]
+    fn a_hull_agrees_with_the_cuboid_it_is() {
+        let (hull, cuboid) = (hull(), Cuboid::new(Vector::new(0.5, 0.3, 0.7)));
+        for at in grid() {
+            let (a, b) = (nearest(&*hull, at), nearest(&cuboid, at));
+            assert!((a.distance - b.distance).abs() < 1e-5, "{at}: {a:?} against {b:?}");
+        }
+    }
+
+    #[test]
+    fn a_point_on_the_surface_gets_the_normal_of_its_face() {
+        let cuboid = Cuboid::new(Vector::new(0.5, 0.3, 0.7));
+        let here = nearest(&cuboid, Vector::new(0.1, 0.3, -0.2));
+        assert!((here.normal - Vector::Y).length() < 1e-5 && here.distance == 0.0, "{here:?}");
+        let triangle = Triangle::new(Vector::ZERO, Vector::X, Vector::NEG_Z);
+        let here = nearest(&triangle, Vector::new(0.2, 0.0, -0.2));
+        assert!((here.normal - Vector::Y).length() < 1e-5 && here.distance == 0.0, "{here:?}");
+        let segment = Segment::new(Vector::ZERO, Vector::X);
+        let here = nearest(&segment, Vector::new(0.5, 0.0, 0.0));
+        assert!((here.normal - Vector::Y).length() < 1e-3, "{here:?}");
+        assert!(nearest(&Ball::new(0.5), Vector::ZERO).is_finite());
+    }
+
+    #[test]
+    fn a_triangle_is_the_same_from_both_sides() {
+        let triangle = Triangle::new(Vector::ZERO, Vector::X, Vector::NEG_Z);
+        for y in [0.3, -0.3] {
+            let here = nearest(&triangle, Vector::new(0.2, y, -0.2));
+            assert!((here.distance - 0.3).abs() < 1e-6 && here.normal.y * y > 0.299, "{here:?}");
+        }
+    }
+}

@@ -1,0 +1,319 @@
+//! A snapshot of Rapier's colliders at the start of a step: where each is, how it moves, how it rubs.
+
+use polpo_solver::{quat_exp, quat_log};
+use rapier3d::dynamics::{CoefficientCombineRule, RigidBody, RigidBodySet, RigidBodyType};
+use rapier3d::geometry::{Collider, ColliderHandle, ColliderSet, InteractionGroups, TypedShape};
+use rapier3d::math::{Rotation, Vector};
+use rapier3d::parry::bounding_volume::Aabb;
+
+/// All colliders that soft bodies can meet, as of the start of a step. Gather once a step, use for every body.
+///
+/// Sensors and disabled colliders are not among them. The order is that of the [`ColliderSet`].
+#[derive(Debug, Default)]
+pub struct Obstacles {
+    pub(crate) list: Vec<Obstacle>,
+    /// The velocities of the step before, by handle in the set's order.
+    before: Vec<(ColliderHandle, Vector, Vector)>,
+    /// Colliders that were left out as unusable, so that each is reported once.
+    reported: Vec<ColliderHandle>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Obstacle {
+    pub(crate) handle: ColliderHandle,
+    /// Of the rigid body, or of the collider if it has none: a place in the world whose floats are coarse far from the origin.
+    anchor: Vector,
+    /// From there to the collider's origin, which is fine everywhere.
+    offset: Vector,
+    rotation: Rotation,
+    /// Of the shape in its own axes.
+    pub(crate) local_bounds: Aabb,
+    /// In the world, over the whole step.
+    bounds: Aabb,
+    /// Of the collider's origin over this step, and over the last one \[m/s\].
+    velocity: Vector,
+    last_velocity: Vector,
+    /// \[rad/s\]
+    pub(crate) angular_velocity: Vector,
+    last_angular_velocity: Vector,
+    friction: f32,
+    rule: CoefficientCombineRule,
+    layers: [InteractionGroups; 2],
+}
+
+/// An obstacle's axes at one moment, relative to a body's origin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    pub(crate) translation: Vector,
+    pub(crate) rotation: Rotation,
+}
+
+impl Frame {
+    pub(crate) fn inside(&self, at: Vector) -> Vector {
+        self.rotation.inverse() * (at - self.translation)
+    }
+
+    pub(crate) fn outside(&self, at: Vector) -> Vector {
+        self.rotation * at + self.translation
+    }
+}
+
+impl Obstacles {
+    /// Takes the snapshot for a step of `dt` \[s\], forgetting the last one except for its velocities.
+    ///
+    /// Poses are those of the rigid bodies now, so whatever was inserted, moved or removed through Rapier's API since its last step counts at once. A body driven by
+    /// `set_next_kinematic_position` moves at (next position − position)/dt, one driven by velocity and a dynamic one at its velocity; a fixed one that is teleported has no velocity.
+    ///
+    /// A collider whose pose or extent is not finite is left out, with one warning in the log. `dt` = 0 takes everything to be at rest.
+    pub fn gather(&mut self, bodies: &RigidBodySet, colliders: &ColliderSet, dt: f32) {
+        self.before.clear();
+        self.before.extend(self.list.iter().map(|o| (o.handle, o.velocity, o.angular_velocity)));
+        self.list.clear();
+        let mut before = 0;
+        for (handle, collider) in colliders.iter() {
+            let parent = collider.parent().and_then(|body| bodies.get(body));
+            if collider.is_sensor() || !collider.is_enabled() || parent.is_some_and(|body| !body.is_enabled()) {
+                continue;
+            }
+            let Some(mut obstacle) = Obstacle::new(handle, collider, parent, dt) else {
+                if !self.reported.contains(&handle) {
+                    self.reported.push(handle);
+                    tracing::warn!("collider {handle:?} has a pose or an extent that is not finite: soft bodies do not see it");
+                }
+                continue;
+            };
+            // Both lists are in the order of the set's slots.
+            while self.before.get(before).is_some_and(|(old, ..)| old.into_raw_parts().0 < handle.into_raw_parts().0) {
+                before += 1;
+            }
+            if let Some(&(old, velocity, angular_velocity)) = self.before.get(before)
+                && old == handle
+            {
+                obstacle.last_velocity = velocity;
+                obstacle.last_angular_velocity = angular_velocity;
+            }
+            self.list.push(obstacle);
+        }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+}
+
+impl Obstacle {
+    fn new(handle: ColliderHandle, collider: &Collider, parent: Option<&RigidBody>, dt: f32) -> Option<Self> {
+        let (anchor, offset, rotation) = match parent {
+            Some(body) => {
+                let here = body.position();
+                // Composed by hand: the collider's own world pose is stale until Rapier's next step.
+                let local = collider.position_wrt_parent().copied().unwrap_or_default();
+                (here.translation, here.rotation * local.translation, here.rotation * local.rotation)
+            }
+            None => (collider.position().translation, Vector::ZERO, collider.position().rotation),
+        };
+        let length = rotation.length();
+        let mut local_bounds = collider.shape().compute_local_aabb();
+        let sound = anchor.is_finite()
+            && offset.is_finite()
+            && (length - 1.0).abs() < 1e-2
+            && local_bounds.mins.is_finite()
+            && local_bounds.maxs.is_finite()
+            && local_bounds.mins.cmple(local_bounds.maxs).all();
+        if !sound {
+            return None;
+        }
+        let rotation = rotation.normalize();
+        // What is just under a height field is its business too, see `way_out`; how far is said there.
+        if let TypedShape::HeightField(_) = collider.shape().as_typed_shape() {
+            local_bounds.mins.y -= 1000.0;
+        }
+        let (velocity, angular_velocity) = parent.map_or((Vector::ZERO, Vector::ZERO), |body| motion(body, offset, dt));
+        let mut bounds = world_bounds(&local_bounds, anchor + offset, rotation);
+        let end = world_bounds(&local_bounds, anchor + offset + velocity * dt, turned(rotation, angular_velocity, dt));
+        bounds.mins = bounds.mins.min(end.mins);
+        bounds.maxs = bounds.maxs.max(end.maxs);
+        Some(Self {
+            handle,
+            anchor,
+            offset,
+            rotation,
+            local_bounds,
+            bounds,
+            velocity,
+            last_velocity: velocity,
+            angular_velocity,
+            last_angular_velocity: angular_velocity,
+            friction: collider.friction(),
+            rule: collider.friction_combine_rule(),
+            layers: [collider.collision_groups(), collider.solver_groups()],
+        })
+    }
+
+    /// Where it is now, at the end of the step, and where it was at the start of the last one, relative to `origin`.
+    ///
+    /// The difference of two places far out is exact; only then is it rotated and added to.
+    pub(crate) fn frames(&self, origin: Vector, dt: f32) -> [Frame; 3] {
+        let now = Frame { translation: (self.anchor - origin) + self.offset, rotation: self.rotation };
+        let moved = |velocity: Vector, angular: Vector, dt: f32| Frame {
+            translation: now.translation + velocity * dt,
+            rotation: turned(now.rotation, angular, dt),
+        };
+        [now, moved(self.velocity, self.angular_velocity, dt), moved(self.last_velocity, self.last_angular_velocity, -dt)]
+    }
+
+    /// The velocity of its material at `at`, which like `frame` is relative to a body's origin \[m/s\].
+    pub(crate) fn velocity_at(&self, at: Vector, frame: &Frame) -> Vector {
+        self.velocity + self.angular_velocity.cross(at - frame.translation)
+    }
+
+    /// Whether it may come near the box `mins` … `maxs`, relative to `origin`, in this step.
+    pub(crate) fn meets(&self, mins: Vector, maxs: Vector, origin: Vector) -> bool {
+        // Far out the world's floats are coarse; the box grows by a few of their steps.
+        let slop = 1e-6 * origin.abs().max_element();
+        (self.bounds.mins - origin).cmple(maxs + slop).all() && (self.bounds.maxs - origin).cmpge(mins - slop).all()
+    }
+
+    /// Whether both the layers in which Rapier looks for contacts and those in which it acts on them let a body with these `layers` through.
+    pub(crate) fn lets_meet(&self, layers: InteractionGroups) -> bool {
+        self.layers.iter().all(|own| own.test(layers))
+    }
+
+    /// Coulomb's coefficient against a body with coefficient `other`, by Rapier's rules; the body's own rule is the weakest, the average.
+    pub(crate) fn friction_with(&self, other: f32) -> f32 {
+        let (a, b) = (self.friction.max(0.0), other.max(0.0));
+        match self.rule {
+            CoefficientCombineRule::Average => 0.5 * (a + b),
+            CoefficientCombineRule::Min => a.min(b),
+            CoefficientCombineRule::Multiply => a * b,
+            CoefficientCombineRule::Max => a.max(b),
+            CoefficientCombineRule::ClampedSum => (a + b).clamp(0.0, 1.0),
+            CoefficientCombineRule::GeometricMean => (a * b).sqrt(),
+        }
+    }
+}
+
+/// Velocity of the point at `offset` from the rigid body's position, and angular velocity, over the step of `dt`. Not finite counts as none.
+fn motion(body: &RigidBody, offset: Vector, dt: f32) -> (Vector, Vector) {
+    let (linear, angular) = if body.is_fixed() || dt <= 0.0 {
+        return (Vector::ZERO, Vector::ZERO);
+    } else if body.body_type() == RigidBodyType::KinematicPositionBased {
+        let (now, next) = (body.position(), body.next_position());
+        let turn = quat_log(next.rotation * now.rotation.inverse());
+        // The end points of the turn, not its tangent, so that a fast turntable's rim ends where Rapier will put it.
+        let end = (next.translation - now.translation) + quat_exp(turn) * offset - offset;
+        (end / dt, Vector::from(turn) / dt)
+    } else {
+        let center = body.position().rotation * body.local_center_of_mass();
+        (body.linvel() + body.angvel().cross(offset - center), body.angvel())
+    };
+    let finite = |v: Vector| if v.is_finite() { v } else { Vector::ZERO };
+    (finite(linear), finite(angular))
+}
+
+fn turned(rotation: Rotation, angular_velocity: Vector, dt: f32) -> Rotation {
+    if angular_velocity == Vector::ZERO { rotation } else { (quat_exp((angular_velocity * dt).into()) * rotation).normalize() }
+}
+
+/// The box around a turned box.
+fn world_bounds(local: &Aabb, translation: Vector, rotation: Rotation) -> Aabb {
+    let axes = rapier3d::math::Mat3::from_quat(rotation);
+    let half = local.half_extents();
+    let reach = axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z;
+    let center = translation + rotation * local.center();
+    Aabb::new(center - reach, center + reach)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rapier3d::prelude::*;
+
+    const DT: f32 = 1.0 / 60.0;
+
+    fn one(body: RigidBodyBuilder, collider: ColliderBuilder, change: impl FnOnce(&mut RigidBody)) -> Obstacles {
+        let (mut bodies, mut colliders) = (RigidBodySet::new(), ColliderSet::new());
+        let body = bodies.insert(body);
+        colliders.insert_with_parent(collider, body, &mut bodies);
+        change(&mut bodies[body]);
+        let mut obstacles = Obstacles::default();
+        obstacles.gather(&bodies, &colliders, DT);
+        obstacles
+    }
+
+    #[test]
+    fn a_driven_body_moves_to_where_it_will_be() {
+        let obstacles = one(
+            RigidBodyBuilder::kinematic_position_based().translation(Vector::new(1.0, 2.0, 3.0)),
+            ColliderBuilder::ball(0.1).translation(Vector::new(0.5, 0.0, 0.0)),
+            |body| body.set_next_kinematic_position(Pose::new(Vector::new(1.1, 2.0, 3.0), Vector::new(0.0, 0.3, 0.0))),
+        );
+        let obstacle = &obstacles.list[0];
+        assert!((obstacle.angular_velocity - Vector::new(0.0, 0.3 / DT, 0.0)).length() < 1e-3);
+        let [now, end, _] = obstacle.frames(Vector::new(1.0, 2.0, 3.0), DT);
+        assert!((now.translation - Vector::new(0.5, 0.0, 0.0)).length() < 1e-6);
+        let rim = Vector::new(0.1 + 0.5 * libm::cosf(0.3), 0.0, -0.5 * libm::sinf(0.3));
+        assert!((end.translation - rim).length() < 1e-5, "{} against {rim}", end.translation);
+        assert!((end.inside(end.outside(Vector::ONE)) - Vector::ONE).length() < 1e-5);
+    }
+
+    #[test]
+    fn a_driven_velocity_is_that_of_the_material() {
+        let obstacles = one(
+            RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X).angvel(Vector::Y * 2.0),
+            ColliderBuilder::cuboid(1.0, 0.1, 1.0),
+            |_| (),
+        );
+        let obstacle = &obstacles.list[0];
+        let [now, ..] = obstacle.frames(Vector::ZERO, DT);
+        assert!((obstacle.velocity_at(Vector::X * 0.5, &now) - Vector::new(1.0, 0.0, -1.0)).length() < 1e-6);
+    }
+
+    #[test]
+    fn a_teleported_fixed_body_has_no_velocity() {
+        let obstacles = one(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1), |body| body.set_translation(Vector::X * 5.0, true));
+        let obstacle = &obstacles.list[0];
+        let [now, end, before] = obstacle.frames(Vector::ZERO, DT);
+        assert_eq!(now.translation, Vector::X * 5.0);
+        assert_eq!((end.translation, before.translation), (now.translation, now.translation));
+    }
+
+    #[test]
+    fn what_cannot_be_met_or_used_is_left_out() {
+        let (mut bodies, mut colliders) = (RigidBodySet::new(), ColliderSet::new());
+        colliders.insert(ColliderBuilder::ball(1.0).sensor(true));
+        colliders.insert(ColliderBuilder::ball(1.0).enabled(false));
+        colliders.insert(ColliderBuilder::ball(1.0).translation(Vector::new(f32::NAN, 0.0, 0.0)));
+        colliders.insert(ColliderBuilder::ball(f32::INFINITY));
+        let off = bodies.insert(RigidBodyBuilder::fixed().enabled(false));
+        colliders.insert_with_parent(ColliderBuilder::ball(1.0), off, &mut bodies);
+        let mut obstacles = Obstacles::default();
+        obstacles.gather(&bodies, &colliders, DT);
+        assert!(obstacles.is_empty());
+        assert_eq!(obstacles.reported.len(), 2);
+        colliders.insert(ColliderBuilder::new(SharedShape::new(HalfSpace::new(Vector::Y))));
+        obstacles.gather(&bodies, &colliders, DT);
+        assert_eq!((obstacles.len(), obstacles.reported.len()), (1, 2));
+    }
+
+    #[test]
+    fn friction_follows_the_rule() {
+        for (rule, expected) in [
+            (CoefficientCombineRule::Average, 0.5),
+            (CoefficientCombineRule::Min, 0.2),
+            (CoefficientCombineRule::Multiply, 0.16),
+            (CoefficientCombineRule::Max, 0.8),
+            (CoefficientCombineRule::ClampedSum, 1.0),
+            (CoefficientCombineRule::GeometricMean, 0.4),
+        ] {
+            let obstacles = one(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1).friction(0.2).friction_combine_rule(rule), |_| ());
+            assert!((obstacles.list[0].friction_with(0.8) - expected).abs() < 1e-6, "{rule:?}");
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The plugin: Rapier's colliders in every soft body's step.
+
+use bevy::ecs::intern::Interned;
+use bevy::ecs::schedule::ScheduleLabel;
+use bevy::math::Vec3A;
+use bevy::prelude::*;
+use polpo::{Collision, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, StepStart};
+
+use crate::{ContactDetector, DetectionInput, FreePositions, Obstacles, RapierWorld};
+
+/// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
+///
+/// In the step of `polpo::PolpoPlugin`, which must be in the same schedule: before [`PolpoSystems::Prepare`] each body's memory follows its origin; in [`PolpoSystems::DetectContacts`] the contacts
+/// are found; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
+/// velocity they will have in it.
+pub struct PolpoRapierPlugin {
+    schedule: Interned<dyn ScheduleLabel>,
+}
+
+impl PolpoRapierPlugin {
+    /// Works in `schedule` instead of `FixedPostUpdate`.
+    pub fn new(schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+impl Default for PolpoRapierPlugin {
+    fn default() -> Self {
+        Self::new(FixedPostUpdate)
+    }
+}
+
+/// What the plugin adds to the step.
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RapierSystems {
+    /// The rigid bodies are stepped. Drive kinematic ones before the soft step, in `FixedUpdate` say.
+    Step,
+}
+
+/// What the detection remembers of a body: see [`FreePositions`]. Comes with [`Contacts`]. Remove it, or clear it, after writing to a body's particles by hand; it is made anew.
+#[derive(Component, Debug, Clone, Default)]
+pub struct ContactMemory {
+    free: FreePositions,
+    /// The position of the first particle when contacts were last found, which tells by how much the origin has been shifted since.
+    first: Option<Vec3A>,
+}
+
+#[derive(Resource, Default)]
+struct Detection {
+    obstacles: Obstacles,
+    detector: ContactDetector,
+}
+
+impl Plugin for PolpoRapierPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<RapierWorld>()
+            .init_resource::<Detection>()
+            .init_resource::<Gravity>()
+            .register_required_components::<Contacts, ContactMemory>()
+            .configure_sets(self.schedule, RapierSystems::Step.after(PolpoSystems::Writeback))
+            .add_systems(
+                self.schedule,
+                (
+                    follow_origin.before(PolpoSystems::Prepare),
+                    detect_contacts.in_set(PolpoSystems::DetectContacts),
+                    step_rigid_bodies.in_set(RapierSystems::Step),
+                ),
+            );
+    }
+}
+
+/// At this time `StepStart` still has the start of the last step, relative to the present origin; contacts were found then, relative to the origin of then. Moving a body by its `Transform` moves
+/// its memory along, because nothing here is relative to the world.
+fn follow_origin(mut bodies: Query<(&StepStart, &mut ContactMemory), Without<Frozen>>) {
+    for (start, mut memory) in &mut bodies {
+        if let (Some(now), Some(then)) = (start.position.first(), memory.first) {
+            let shift = Vec3::from(*now - then);
+            for at in &mut memory.free.position {
+                *at += shift;
+            }
+        }
+    }
+}
+
+#[expect(clippy::type_complexity, reason = "a Bevy query")]
+fn detect_contacts(
+    time: Res<Time>,
+    gravity: Res<Gravity>,
+    world: Res<RapierWorld>,
+    mut detection: ResMut<Detection>,
+    mut bodies: Query<(&Particles, &Transform, &Collision, Option<&GravityScale>, &mut Contacts, &mut ContactMemory), Without<Frozen>>,
+) {
+    if bodies.is_empty() {
+        return;
+    }
+    let dt = time.delta_secs();
+    let Detection { obstacles, detector } = &mut *detection;
+    obstacles.gather(&world.bodies, &world.colliders, dt);
+    for (particles, transform, collision, scale, mut contacts, mut memory) in &mut bodies {
+        memory.first = particles.position.first().copied();
+        let input = DetectionInput {
+            particles,
+            origin: transform.translation,
+            acceleration: gravity.0 * scale.map_or(1.0, |s| s.0),
+            dt,
+            friction: collision.friction,
+            memberships: collision.memberships,
+            filter: collision.filter,
+        };
+        detector.detect(&input, obstacles, &world.colliders, &mut memory.free, &mut contacts.0);
+    }
+}
+
+fn step_rigid_bodies(time: Res<Time>, gravity: Res<Gravity>, mut world: ResMut<RapierWorld>) {
+    world.step(gravity.0, time.delta_secs());
+}

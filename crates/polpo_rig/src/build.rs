@@ -11,7 +11,7 @@ pub struct RigSettings {
     /// Particles wanted, at least 1; default 300. Met exactly, unless the body has more separate parts: each gets one particle.
     ///
     /// Few make a body that bends in few places; the time of a simulation grows with them. Above about 1000 the voxels a particle
-    /// gets become fewer than the thousand it should have, and cells become ragged.
+    /// gets become fewer than the 600 it should have, and cells become ragged.
     pub particles: usize,
     /// Edges wanted; default 750. Met exactly as long as it is at least the particles less one, which it takes to hold the body
     /// together, and at most the number of pairs.

@@ -11,7 +11,8 @@ use crate::voxels::Voxels;
 
 /// Connects the particles by about `wanted` edges.
 ///
-/// The distance of two particles is the shortest way over cells that touch; the nearest pairs become edges. What hangs together in
+/// The distance of two particles is the shortest way over cells that touch, in units of the spacing there; the nearest pairs become
+/// edges. What hangs together in
 /// the body hangs together by edges even if that takes more than wanted, and parts that are apart are tied by the shortest edge
 /// between them, so that the body doesn't fall to pieces.
 pub(crate) fn connect(voxels: &Voxels, sample: &Sample, wanted: usize) -> Vec<[u32; 2]> {
@@ -42,7 +43,7 @@ pub(crate) fn connect(voxels: &Voxels, sample: &Sample, wanted: usize) -> Vec<[u
     }
     // Twice the reach until the pairs within it are enough; no way is longer than all steps together.
     let longest: f64 = shortest.iter().map(|x| x.0).sum();
-    let mut reach = shortest.get(shortest.len() / 2).map_or(0.0, |x| x.0);
+    let mut reach = shortest.last().map_or(0.0, |x| x.0);
     let mut pairs: Vec<(f64, [u32; 2])>;
     loop {
         pairs = (0..count as u32).flat_map(|a| within(&near, a, reach)).collect();
@@ -50,6 +51,11 @@ pub(crate) fn connect(voxels: &Voxels, sample: &Sample, wanted: usize) -> Vec<[u
             break;
         }
         reach *= 2.0;
+    }
+    // Near is meant in units of the spacing there, the mean distance to the cells that touch.
+    let spacing: Vec<f64> = near.iter().map(|near| near.iter().map(|n| n.1).sum::<f64>() / near.len().max(1) as f64).collect();
+    for (distance, [a, b]) in &mut pairs {
+        *distance /= spacing[*a as usize] + spacing[*b as usize];
     }
     pairs.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
     for (_, pair) in pairs {

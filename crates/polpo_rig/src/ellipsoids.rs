@@ -2,9 +2,12 @@
 //!
 //! Covariance of the surface: C = ∫ (x − x̄)(x − x̄)ᵀ dA / ∫ dA over the triangles, cut into pieces smaller than a voxel. Weighting by
 //! area and not by vertices makes it independent of how finely an artist meshed a corner (method, §6). The axes are its
-//! eigenvectors; the half axes are the farthest reach of the skin along them, seen from the particle's centre, so that the
-//! ellipsoid touches the skin. A cell without skin takes the covariance of its voxels instead: a solid ellipsoid with half axis a has
-//! variance a²/5 along it.
+//! eigenvectors; the half axes are the reach of the skin along them, seen from the particle's centre, so that the ellipsoid touches
+//! the skin.
+//!
+//! A cell with only a scrap of skin would become a needle. So no half axis is shorter than √3σ, with σ² the variance of the cell's
+//! volume along it: the half side of a box with that variance, which never sticks out of the cell. A cell without any skin takes
+//! axes and half axes from its volume alone: a solid ellipsoid with half axis a has variance a²/5 along it.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -42,57 +45,58 @@ type Piece = (DVec3, f64);
 
 /// Fits an ellipsoid to every particle.
 pub(crate) fn fit(surface: &Surface, voxels: &Voxels, sample: &Sample) -> Vec<Ellipsoid> {
-    let count = sample.positions.len();
-    let mut skin: Vec<Vec<Piece>> = vec![Vec::new(); count];
-    let normals = surface.normals();
-    for (t, &normal) in normals.iter().enumerate() {
+    let mut skin: Vec<Vec<Piece>> = vec![Vec::new(); sample.positions.len()];
+    for (t, &normal) in surface.normals().iter().enumerate() {
         pieces(surface.corners(t), 0.7 * voxels.size, |middle, area| {
             let voxel = voxels.under(middle, normal);
             skin[sample.owner[voxel as usize] as usize].push((middle, area));
         });
     }
-    let mut volume: Vec<Vec<Piece>> = vec![Vec::new(); count];
-    for (voxel, &cell) in sample.owner.iter().enumerate() {
-        if skin[cell as usize].is_empty() {
-            volume[cell as usize].push((voxels.centre(voxel as u32), 1.0));
-        }
-    }
-    let half_voxel = 0.5 * voxels.size;
-    (0..count)
-        .map(|i| {
-            let centre = sample.positions[i];
-            let (frame, radii) = if skin[i].is_empty() {
-                let (frame, variances) = principal_axes(&volume[i]);
-                (frame, (variances * 5.0).map(f64::sqrt).max(DVec3::splat(half_voxel)))
+    let volume = volume_covariances(voxels, sample);
+    let cells = sample.positions.iter().zip(&skin).zip(&volume);
+    cells
+        .map(|((&centre, skin), &volume)| {
+            let (frame, radii) = if skin.is_empty() {
+                let (frame, variances) = eigen(volume);
+                (frame, (variances * 5.0).map(f64::sqrt))
             } else {
-                let (frame, _) = principal_axes(&skin[i]);
-                let reach = skin[i].iter().fold(DVec3::ZERO, |reach, (p, _)| reach.max((frame.transpose() * (p - centre)).abs()));
-                (frame, reach)
+                let (frame, _) = eigen(covariance(skin));
+                let axes = [frame.x_axis, frame.y_axis, frame.z_axis];
+                let radius = |axis: DVec3| reach(skin, centre, axis).max((3.0 * axis.dot(volume * axis)).sqrt());
+                (frame, DVec3::from_array(axes.map(radius)))
             };
-            // A scrap of skin in the very centre of a particle has no reach at all.
-            let longest = radii.max_element().max(half_voxel);
-            Ellipsoid { centre, frame, radii: radii.max(DVec3::splat(longest * FLATTEST)) }
+            Ellipsoid { centre, frame, radii: radii.max(DVec3::splat(radii.max_element() * FLATTEST)) }
         })
         .collect()
 }
 
-/// Eigenvectors (a rotation, no reflection) and eigenvalues of the pieces' covariance.
-fn principal_axes(pieces: &[Piece]) -> (DMat3, DVec3) {
-    let total: f64 = pieces.iter().map(|p| p.1).sum();
-    let mean = pieces.iter().map(|p| p.0 * p.1).sum::<DVec3>() / total;
-    let mut covariance = DMat3::ZERO;
-    for &(point, weight) in pieces {
-        let d = point - mean;
-        covariance += DMat3::from_cols(d * d.x, d * d.y, d * d.z) * (weight / total);
+/// Covariance of every cell's volume about its particle; positive, since a voxel has an extent of its own.
+fn volume_covariances(voxels: &Voxels, sample: &Sample) -> Vec<DMat3> {
+    let own = DMat3::from_diagonal(DVec3::splat(voxels.size * voxels.size / 12.0));
+    let mut sums = vec![DMat3::ZERO; sample.positions.len()];
+    for (voxel, &cell) in sample.owner.iter().enumerate() {
+        sums[cell as usize] += outer(voxels.centre(voxel as u32) - sample.positions[cell as usize]);
     }
-    let (mut frame, values) = eigen(covariance);
-    if frame.determinant() < 0.0 {
-        frame.z_axis = -frame.z_axis;
-    }
-    (frame, values.max(DVec3::ZERO))
+    sums.iter().zip(&sample.volumes).map(|(sum, &volume)| *sum * (1.0 / f64::from(volume)) + own).collect()
 }
 
-/// Eigenvectors (columns) and eigenvalues of a symmetric matrix: cyclic Jacobi rotations (Golub & Van Loan, §8.5).
+/// Area-weighted covariance of pieces of skin.
+fn covariance(pieces: &[Piece]) -> DMat3 {
+    let area: f64 = pieces.iter().map(|p| p.1).sum();
+    let mean = pieces.iter().map(|p| p.0 * p.1).sum::<DVec3>() / area;
+    pieces.iter().fold(DMat3::ZERO, |sum, p| sum + outer(p.0 - mean) * (p.1 / area))
+}
+
+fn outer(d: DVec3) -> DMat3 {
+    DMat3::from_cols(d * d.x, d * d.y, d * d.z)
+}
+
+/// How far the skin reaches from a centre along an axis, to either side.
+fn reach(skin: &[Piece], centre: DVec3, axis: DVec3) -> f64 {
+    skin.iter().fold(0.0, |reach, p| reach.max((p.0 - centre).dot(axis).abs()))
+}
+
+/// Eigenvectors (columns of a rotation) and eigenvalues of a symmetric, positive matrix: cyclic Jacobi rotations (Golub & Van Loan, §8.5).
 ///
 /// The larger of the two angles that zero an entry is never taken, so equal eigenvalues leave the axes where they are; a zero
 /// matrix gives the identity.
@@ -119,5 +123,6 @@ fn eigen(mut m: DMat3) -> (DMat3, DVec3) {
             vectors *= turn;
         }
     }
-    (vectors, DVec3::new(m.x_axis.x, m.y_axis.y, m.z_axis.z))
+    // Products of rotations are a rotation: no reflection to undo.
+    (vectors, DVec3::new(m.x_axis.x, m.y_axis.y, m.z_axis.z).max(DVec3::ZERO))
 }

@@ -1,9 +1,10 @@
 //! Distances along the body: a flood over the voxel links, Dijkstra's algorithm with a bucket a distance (Dial 1969).
 
+use crate::thickness::{HEAVIEST, UNIT};
 use crate::voxels::{STEPS, Voxels};
 
 /// One more than the longest step: the pending distances are never further apart, so the buckets can be used in turn.
-const BUCKETS: u32 = STEPS[2] + 1;
+const BUCKETS: u32 = STEPS[2] * HEAVIEST / UNIT + 1;
 
 /// The flood's front: items by distance.
 pub(crate) struct Front<T> {
@@ -39,7 +40,7 @@ impl<T> Front<T> {
     }
 }
 
-/// The nearest of a set of seeds for every voxel, and how far it is along the body (in [`STEPS`]).
+/// The nearest of a set of seeds for every voxel, and how far it is along the body (in [`STEPS`], weighted).
 pub(crate) struct Cells {
     pub(crate) owner: Vec<u32>,
     pub(crate) distance: Vec<u32>,
@@ -53,7 +54,9 @@ impl Cells {
     }
 
     /// Adds seeds, numbered from `number`, and gives them what is nearer to them than to the ones before.
-    pub(crate) fn flood(&mut self, voxels: &Voxels, seeds: &[u32], number: u32) {
+    ///
+    /// A step counts by the mean of the weights (in [`UNIT`]) at its ends.
+    pub(crate) fn flood(&mut self, voxels: &Voxels, weights: &[u32], seeds: &[u32], number: u32) {
         for (owner, &seed) in (number..).zip(seeds) {
             self.distance[seed as usize] = 0;
             self.owner[seed as usize] = owner;
@@ -65,11 +68,12 @@ impl Cells {
             }
             let owner = self.owner[voxel as usize];
             for (next, step) in voxels.neighbours(voxel) {
-                let there = &mut self.distance[next as usize];
-                if distance + step < *there {
-                    *there = distance + step;
+                let weight = weights[voxel as usize] + weights[next as usize];
+                let there = distance + step * weight / (2 * UNIT);
+                if there < self.distance[next as usize] {
+                    self.distance[next as usize] = there;
                     self.owner[next as usize] = owner;
-                    self.front.push(distance + step, next);
+                    self.front.push(there, next);
                 }
             }
         }

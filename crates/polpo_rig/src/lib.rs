@@ -5,7 +5,7 @@
 //! modules below are its stages, in order:
 //!
 //! ```text
-//! read → clean → voxels → sample → edges → ellipsoids → skin → files
+//! read → clean → voxels → thickness → sample → edges → ellipsoids → skin → files
 //! ```
 //!
 //! Lengths are in the mesh's own unit, which the rest of the house takes to be metres. The same mesh and settings give the same
@@ -25,6 +25,7 @@ mod read_obj;
 mod rig;
 mod sample;
 mod skin;
+mod thickness;
 mod voxels;
 
 pub use build::{RigSettings, build_rig};

@@ -1,7 +1,7 @@
 //! Particles: a centroidal Voronoi clustering of the body's voxels (Lloyd 1982), with distances along the body.
 //!
 //! In a limb thinner than the spacing the cells become slices and their centres lie on the medial axis; in a thick part they fill
-//! the volume.
+//! the volume. They are denser where the body is thin, see [`thickness`].
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,6 +9,7 @@ use std::collections::BinaryHeap;
 use glam::DVec3;
 
 use crate::flood::Cells;
+use crate::thickness;
 use crate::voxels::Voxels;
 
 /// Lloyd steps. After a dozen the cells barely change.
@@ -29,11 +30,12 @@ pub(crate) struct Sample {
 impl Sample {
     /// Spreads `wanted` particles over the body; more only if it has more parts than that, since every part gets one.
     pub(crate) fn new(voxels: &Voxels, wanted: usize) -> Sample {
-        let mut seeds = spread(voxels, wanted);
+        let weights = thickness::weights(voxels);
+        let mut seeds = spread(voxels, &weights, wanted);
         let mut cells = Cells::new(voxels);
         for _ in 0..LLOYD_STEPS {
             cells = Cells::new(voxels);
-            cells.flood(voxels, &seeds, 0);
+            cells.flood(voxels, &weights, &seeds, 0);
             let moved = central_voxels(voxels, &cells.owner, &centroids(voxels, &cells.owner, seeds.len()).0);
             if moved == seeds {
                 break;
@@ -52,10 +54,10 @@ impl Sample {
 }
 
 /// Where the particles start: one in every part, then always the voxel that is farthest from all of them.
-fn spread(voxels: &Voxels, wanted: usize) -> Vec<u32> {
+fn spread(voxels: &Voxels, weights: &[u32], wanted: usize) -> Vec<u32> {
     let mut seeds = voxels.parts();
     let mut cells = Cells::new(voxels);
-    cells.flood(voxels, &seeds, 0);
+    cells.flood(voxels, weights, &seeds, 0);
     // Distances only shrink, so an entry that is out of date can wait until it comes up.
     let mut farthest: BinaryHeap<(u32, Reverse<u32>)> =
         (0..voxels.len() as u32).map(|v| (cells.distance[v as usize], Reverse(v))).collect();
@@ -65,7 +67,7 @@ fn spread(voxels: &Voxels, wanted: usize) -> Vec<u32> {
         if now < distance {
             farthest.push((now, Reverse(voxel)));
         } else if now > 0 {
-            cells.flood(voxels, &[voxel], seeds.len() as u32);
+            cells.flood(voxels, weights, &[voxel], seeds.len() as u32);
             seeds.push(voxel);
         }
     }

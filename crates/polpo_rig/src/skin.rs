@@ -12,18 +12,38 @@ use crate::clean::Surface;
 use crate::ellipsoids::Ellipsoid;
 use crate::flood::Front;
 use crate::sample::Sample;
-use crate::voxels::{STEPS_A_VOXEL, Voxels};
+use crate::voxels::{STEPS, STEPS_A_VOXEL, Voxels};
 
 /// Candidates a voxel. Four are used, a fifth sets the cut, the rest is room for ellipsoids that reach farther than others.
-const CANDIDATES: usize = 8;
-/// A flood's way is at most this much longer than the straight line, where nothing is in the way.
-const FLOOD_EXCESS: f64 = 1.12;
+const CANDIDATES: usize = 6;
+/// A flood's way is at most this much longer than the straight line where nothing is in the way: √1.5, along (1, 1, 1).
+const FLOOD_EXCESS: f64 = 1.23;
 
-/// The candidates of a voxel, nearest first: particle, and distance along the body in steps.
+/// The candidates of a voxel, in no order; a free place is infinitely far.
 #[derive(Clone, Copy)]
 struct Candidates {
-    count: usize,
-    particles: [(u32, u32); CANDIDATES],
+    particles: [u32; CANDIDATES],
+    /// Along the body, in steps.
+    distances: [u32; CANDIDATES],
+}
+
+impl Candidates {
+    /// Takes a particle in, or its shorter distance, and forgets the farthest for it; false if it is not among the nearest.
+    fn offer(&mut self, particle: u32, distance: u32) -> bool {
+        let known = (0..CANDIDATES).find(|&i| self.particles[i] == particle);
+        let farthest = || (0..CANDIDATES).max_by_key(|&i| self.distances[i]).unwrap_or(0);
+        let place = known.unwrap_or_else(farthest);
+        let better = distance < self.distances[place];
+        if better {
+            self.particles[place] = particle;
+            self.distances[place] = distance;
+        }
+        better
+    }
+
+    fn holds(&self, particle: u32, distance: u32) -> bool {
+        (0..CANDIDATES).any(|i| self.particles[i] == particle && self.distances[i] == distance)
+    }
 }
 
 /// The influences of every vertex of the mesh (welded vertices share theirs).
@@ -50,21 +70,22 @@ pub(crate) fn weigh(surface: &Surface, voxels: &Voxels, sample: &Sample, ellipso
 
 /// Floods from all particles at once until every voxel knows its nearest ones.
 fn candidates(voxels: &Voxels, sample: &Sample) -> Vec<Candidates> {
-    let mut known = vec![Candidates { count: 0, particles: [(0, 0); CANDIDATES] }; voxels.len()];
-    let misses = |c: &Candidates, particle: u32| c.count < CANDIDATES && c.particles[..c.count].iter().all(|p| p.0 != particle);
+    let none = Candidates { particles: [u32::MAX; CANDIDATES], distances: [u32::MAX; CANDIDATES] };
+    let mut known = vec![none; voxels.len()];
     let mut front = Front::new();
     for (particle, &voxel) in (0..).zip(&sample.voxel) {
+        known[voxel as usize].offer(particle, 0);
         front.push(0, (voxel, particle));
     }
     while let Some((distance, (voxel, particle))) = front.pop() {
-        let here = &mut known[voxel as usize];
-        if !misses(here, particle) {
+        if !known[voxel as usize].holds(particle, distance) {
             continue;
         }
-        here.particles[here.count] = (particle, distance);
-        here.count += 1;
-        for (next, step) in voxels.neighbours(voxel) {
-            if misses(&known[next as usize], particle) {
+        // Well inside, steps over faces and edges lead everywhere; saving the corners saves a third of the time.
+        let deep = voxels.neighbours(voxel).len() == 26;
+        let steps = voxels.neighbours(voxel).filter(|&(_, step)| !deep || step < STEPS[2]);
+        for (next, step) in steps {
+            if known[next as usize].offer(particle, distance + step) {
                 front.push(distance + step, (next, particle));
             }
         }
@@ -73,9 +94,10 @@ fn candidates(voxels: &Voxels, sample: &Sample) -> Vec<Candidates> {
 }
 
 fn influences(voxels: &Voxels, candidates: &Candidates, ellipsoids: &[Ellipsoid], point: DVec3) -> Influences {
-    let mut distances: Vec<(f64, u32)> = candidates.particles[..candidates.count]
-        .iter()
-        .map(|&(particle, steps)| {
+    let known = candidates.particles.iter().zip(&candidates.distances);
+    let mut distances: Vec<(f64, u32)> = known
+        .filter(|&(_, &steps)| steps != u32::MAX)
+        .map(|(&particle, &steps)| {
             let ellipsoid = &ellipsoids[particle as usize];
             let straight = point.distance(ellipsoid.centre).max(voxels.size);
             let along = f64::from(steps) / STEPS_A_VOXEL * voxels.size;

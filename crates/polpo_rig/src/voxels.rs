@@ -13,8 +13,8 @@ use glam::{DVec3, IVec3};
 
 use crate::clean::{DisjointSets, Surface};
 
-/// Voxels wanted a particle: ten across a cell.
-const VOXELS_A_PARTICLE: usize = 1000;
+/// Voxels wanted a particle: eight to nine across a cell.
+const VOXELS_A_PARTICLE: usize = 600;
 /// Fewer voxels than this don't show the shape, more cost seconds.
 const VOXELS: std::ops::RangeInclusive<usize> = 60_000..=1_000_000;
 /// Bounds of the grid around the body: 16 Mi cells of 6 bytes in all, and voxels along one side.
@@ -79,7 +79,7 @@ impl Voxels {
     }
 
     /// The neighbours a body's inside leads to directly, with the length of the step.
-    pub(crate) fn neighbours(&self, voxel: u32) -> impl Iterator<Item = (u32, u32)> + '_ {
+    pub(crate) fn neighbours(&self, voxel: u32) -> impl ExactSizeIterator<Item = (u32, u32)> {
         let range = self.first[voxel as usize] as usize..self.first[voxel as usize + 1] as usize;
         self.links[range].iter().map(|link| (link >> 2, STEPS[(link & 3) as usize]))
     }

@@ -1,6 +1,7 @@
 //! Chores of the house, one file a command.
 
 mod assets;
+mod ci;
 mod glb;
 mod octopus;
 
@@ -19,11 +20,14 @@ struct Arguments {
 enum Command {
     /// Make the meshes and rigs in assets/, the same bytes every time.
     Assets(assets::Arguments),
+    /// Run what CI runs: formatting, lints, documentation, tests.
+    Ci,
 }
 
 fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Assets(arguments) => assets::run(&arguments).map_err(|e| e.to_string()),
+        Command::Ci => ci::run().map_err(|e| e.to_string()),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

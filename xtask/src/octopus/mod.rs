@@ -1,12 +1,13 @@
 //! The octopus of the demos, made from formulas: an implicit shape, meshed, evened out and painted.
 //!
 //! ```text
-//! arms → shape → surface → remesh → suckers → paint
+//! arms → shape → surface → remesh → eyes, suckers → paint
 //! ```
 //!
 //! It looks along +z, its mantle leans back, Y is up; metres, centred about the origin.
 
 mod arms;
+mod eyes;
 mod paint;
 mod remesh;
 mod shape;
@@ -35,7 +36,9 @@ pub(crate) fn make() -> Result<ColoredMesh, OctopusError> {
     let shape = shape::Shape::new(arms);
     let mut mesh = remesh::Remesh::new(surface::mesh(&shape));
     mesh.even_out(&shape);
+    eyes::place(&shape, &mut mesh);
     let suckers = suckers::place(&shape, &mut mesh);
+    mesh.settle(&shape);
     let (mut positions, triangles) = mesh.finish();
     surface::check_sphere(&positions, &triangles)?;
 

@@ -4,7 +4,8 @@ use glam::DVec3;
 use libm::{floor, pow};
 
 use super::arms::ramp;
-use super::shape::{EYE, EYE_RADIUS, GAZE, Shape};
+use super::eyes::{self, Part};
+use super::shape::Shape;
 use super::suckers::Sucker;
 
 const CORAL: [u8; 3] = [242, 98, 52];
@@ -15,6 +16,7 @@ const CREAM: [u8; 3] = [255, 238, 214];
 const ROSE: [u8; 3] = [222, 92, 88];
 const GOLD: [u8; 3] = [255, 204, 64];
 const IVORY: [u8; 3] = [255, 246, 220];
+const SHADOW: [u8; 3] = [58, 8, 36];
 const INK: [u8; 3] = [16, 8, 20];
 
 /// Linear RGB of every vertex.
@@ -43,38 +45,23 @@ fn skin(shape: &Shape, p: DVec3) -> DVec3 {
 
     // Two sizes of spots, on the upper side.
     let above = if on_arm > 0.5 { ramp(-0.2, 0.5, -normal.dot(joint.below)) } else { 1.0 };
-    color = color.lerp(linear(PLUM), 0.75 * above * spot(p, 0.085, 0.30));
-    color = color.lerp(linear(PEACH), 0.60 * above * spot(p + DVec3::splat(3.7), 0.105, 0.22));
+    color = color.lerp(linear(PLUM), 0.80 * above * spot(p, 0.105, 0.36));
+    color = color.lerp(linear(PEACH), 0.40 * above * spot(p + DVec3::splat(3.7), 0.10, 0.24));
 
     // The lower side of the arms is pale.
     let below = ramp(0.05, 0.55, (p - joint.centre).normalize_or_zero().dot(joint.below)) * on_arm;
     color.lerp(linear(PEACH).lerp(linear(ROSE), 0.35), below * ramp(0.02, 0.12, along))
 }
 
-/// The colour of an eye, or nothing beside it: a dark slit in a golden iris with a pale rim, and a dark lid around.
+/// The colour of an eye, or nothing beside it.
 fn eye(p: DVec3) -> Option<DVec3> {
-    let mirrored = DVec3::new(p.x.abs(), p.y, p.z);
-    let out = mirrored - EYE;
-    if out.length() > EYE_RADIUS * 1.08 {
-        return None;
-    }
-    let gaze = GAZE.normalize();
-    let toward = out.normalize_or_zero();
-    let right = DVec3::Y.cross(gaze).normalize();
-    let up = gaze.cross(right);
-    let (x, y, facing) = (toward.dot(right), toward.dot(up), toward.dot(gaze));
-    if facing < 0.52 {
-        return None;
-    }
-    if facing < 0.66 {
-        return Some(linear(PLUM).lerp(linear(INK), 0.5));
-    }
-    let slit = (x / 0.50).abs().max(1e-9);
-    let in_slit = slit < 1.0 && y.abs() < 0.17 * (1.0 - slit * slit * slit);
-    if in_slit {
-        return Some(linear(INK));
-    }
-    Some(linear(IVORY).lerp(linear(GOLD), ramp(0.70, 0.86, facing)))
+    let part = eyes::part(p)?;
+    Some(linear(match part {
+        Part::Pupil => INK,
+        Part::Iris => GOLD,
+        Part::White => IVORY,
+        Part::Lid => SHADOW,
+    }))
 }
 
 /// Round spots scattered one a cell of a grid with side `size`: 1 in a spot, 0 outside, soft between. `radius` in cells.
@@ -92,7 +79,7 @@ fn spot(p: DVec3, size: f64, radius: f64) -> f64 {
             }
         }
     }
-    1.0 - ramp(radius * 0.7, radius * 1.3, nearest)
+    1.0 - ramp(radius * 0.55, radius * 1.25, nearest)
 }
 
 /// A number in 0..1 for every cell and channel, from an integer hash (the finaliser of SplitMix64).

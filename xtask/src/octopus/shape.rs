@@ -6,9 +6,9 @@ use libm::{cos, sin};
 use super::arms::{Arm, Joint, ramp};
 
 /// The eyes: middle of the right one (its mirror image is the left one), radius, and where it looks [m].
-pub(crate) const EYE: DVec3 = DVec3::new(0.084, 0.108, 0.070);
-pub(crate) const EYE_RADIUS: f64 = 0.049;
-pub(crate) const GAZE: DVec3 = DVec3::new(0.72, 0.30, 0.63);
+pub(crate) const EYE: DVec3 = DVec3::new(0.080, 0.112, 0.074);
+pub(crate) const EYE_RADIUS: f64 = 0.054;
+pub(crate) const GAZE: DVec3 = DVec3::new(0.66, 0.22, 0.72);
 
 /// Arm joints that share a bounding sphere.
 const CHUNK: usize = 8;
@@ -126,11 +126,11 @@ impl Shape {
     pub(crate) fn side(&self, p: DVec3) -> f64 {
         let mirrored = DVec3::new(p.x.abs(), p.y, p.z);
         let eye = mirrored.distance(EYE) - EYE_RADIUS;
-        let near_eye = 0.0078 + 0.017 * ramp(0.004, 0.06, eye);
+        let near_eye = 0.0086 + 0.016 * ramp(0.006, 0.07, eye);
         let (_, _, joint) = self.nearest_arm(p);
         let arm = p.distance(joint.centre) - joint.radius;
-        let on_arm = (0.72 * joint.radius).max(0.0085) + 0.6 * arm.max(0.0);
-        near_eye.min(on_arm).min(0.0245)
+        let on_arm = (0.74 * joint.radius).max(0.0085) + 0.6 * arm.max(0.0);
+        near_eye.min(on_arm).min(0.0225)
     }
 }
 

@@ -49,7 +49,6 @@ pub(crate) fn place(shape: &Shape, mesh: &mut Remesh) -> Vec<Sucker> {
             left = !left;
         }
     }
-    mesh.settle(shape);
     suckers
 }
 

@@ -1,1 +1,3 @@
 //! What the contract tests share.
+
+pub mod render;

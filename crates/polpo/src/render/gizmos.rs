@@ -44,7 +44,7 @@ impl Default for PolpoGizmos {
 #[derive(Default, Reflect, GizmoConfigGroup)]
 pub struct PolpoGizmoGroup;
 
-/// Adds [`PolpoGizmos`]. Needs Bevy's `GizmoPlugin` (in `DefaultPlugins` with the feature `bevy_gizmos`) to be seen.
+/// Adds [`PolpoGizmos`]. Needs Bevy's `GizmoPlugin`, which is in `DefaultPlugins` with the feature `bevy_gizmos`, and to be seen `bevy_gizmos_render`.
 ///
 /// Particles and edges are drawn at the same moment between fixed steps as the mesh; contacts are those of the last step.
 #[derive(Debug, Clone, Copy, Default)]

@@ -19,6 +19,13 @@ const CANDIDATES: usize = 6;
 /// A flood's way is at most this much longer than the straight line where nothing is in the way: √1.5, along (1, 1, 1).
 const FLOOD_EXCESS: f64 = 1.23;
 
+/// Rounds of smoothing along the skin, and the distance in voxels at which a neighbour counts half.
+const SMOOTHINGS: usize = 4;
+const BLUR: f64 = 3.0;
+
+/// At most four particles and their weights, heaviest first.
+type Weights = Vec<(u32, f64)>;
+
 /// The candidates of a voxel, in no order; a free place is infinitely far.
 #[derive(Clone, Copy)]
 struct Candidates {
@@ -56,15 +63,19 @@ pub(crate) fn weigh(surface: &Surface, voxels: &Voxels, sample: &Sample, ellipso
             normals[v as usize] += normal * (b - a).cross(c - a).length();
         }
     }
-    let influences: Vec<Influences> = surface
+    let mut weights: Vec<Weights> = surface
         .positions
         .iter()
         .zip(normals)
         .map(|(&point, normal)| {
             let voxel = voxels.under(point, normal.normalize_or_zero());
-            influences(voxels, &candidates[voxel as usize], ellipsoids, point)
+            nearest(voxels, &candidates[voxel as usize], ellipsoids, point)
         })
         .collect();
+    for _ in 0..SMOOTHINGS {
+        weights = smooth(surface, &weights, BLUR * voxels.size);
+    }
+    let influences: Vec<Influences> = weights.into_iter().map(pack).collect();
     surface.welded.iter().map(|&v| influences[v as usize]).collect()
 }
 
@@ -93,36 +104,79 @@ fn candidates(voxels: &Voxels, sample: &Sample) -> Vec<Candidates> {
     known
 }
 
-fn influences(voxels: &Voxels, candidates: &Candidates, ellipsoids: &[Ellipsoid], point: DVec3) -> Influences {
+/// The weights of the four nearest particles, heaviest first.
+fn nearest(voxels: &Voxels, candidates: &Candidates, ellipsoids: &[Ellipsoid], point: DVec3) -> Weights {
     let known = candidates.particles.iter().zip(&candidates.distances);
-    let mut distances: Vec<(f64, u32)> = known
+    let mut distances: Vec<(u32, f64)> = known
         .filter(|&(_, &steps)| steps != u32::MAX)
         .map(|(&particle, &steps)| {
             let ellipsoid = &ellipsoids[particle as usize];
             let straight = point.distance(ellipsoid.centre).max(voxels.size);
             let along = f64::from(steps) / STEPS_A_VOXEL * voxels.size;
             let detour = (along / (FLOOD_EXCESS * straight)).max(1.0);
-            (ellipsoid.distance(point) * detour, particle)
+            (particle, ellipsoid.distance(point) * detour)
         })
         .collect();
-    distances.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    distances.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
     // With no fifth to take over nothing has to vanish.
     let cut = match (distances.get(4), distances.last()) {
-        (Some(fifth), _) => fifth.0,
-        (None, Some(last)) => last.0 * 1.5,
+        (Some(fifth), _) => fifth.1,
+        (None, Some(last)) => last.1 * 1.5,
         (None, None) => 1.0,
     };
     distances.truncate(4);
-    let mut weights: Vec<f64> = distances.iter().map(|&(d, _)| (1.0 - d / cut).max(0.0)).map(|w| w * w).collect();
-    let sum: f64 = weights.iter().sum();
-    // Five at the same distance: then the four that stay share alike.
-    let degenerate = sum.is_nan() || sum < 1e-12;
-    let share = 1.0 / weights.len().max(1) as f64;
-    weights.iter_mut().for_each(|w| *w = if degenerate { share } else { *w / sum });
+    for (_, weight) in &mut distances {
+        let near = (1.0 - *weight / cut).max(0.0);
+        *weight = near * near;
+    }
+    normalize(distances)
+}
 
-    let nearest = distances.first().map_or(0, |d| d.1);
-    let mut influences = Influences { particles: [nearest; 4], weights: [0.0; 4] };
-    for (slot, (weight, (_, particle))) in weights.into_iter().zip(distances).enumerate() {
+/// Mixes the weights of every vertex with those of its neighbours on the skin, the less the further they are. Where many
+/// ellipsoids are equally near, the cut at four makes weights change fast; this spreads the change over a few triangles.
+fn smooth(surface: &Surface, weights: &[Weights], blur: f64) -> Vec<Weights> {
+    let mut mixed: Vec<Weights> = weights.to_vec();
+    for t in &surface.triangles {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            let [a, b] = [a as usize, b as usize];
+            let apart = surface.positions[a].distance(surface.positions[b]) / blur;
+            // A side counts in both its triangles.
+            let share = 0.25 / (1.0 + apart * apart);
+            mixed[a].extend(weights[b].iter().map(|&(particle, weight)| (particle, share * weight)));
+            mixed[b].extend(weights[a].iter().map(|&(particle, weight)| (particle, share * weight)));
+        }
+    }
+    let cut_to_four = |mut mixed: Weights| {
+        mixed.sort_by_key(|w| w.0);
+        let mut sums: Weights = Vec::new();
+        for (particle, weight) in mixed {
+            match sums.last_mut() {
+                Some(last) if last.0 == particle => last.1 += weight,
+                _ => sums.push((particle, weight)),
+            }
+        }
+        sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let fifth = sums.get(4).map_or(0.0, |w| w.1);
+        sums.truncate(4);
+        sums.iter_mut().for_each(|w| w.1 -= fifth);
+        normalize(sums)
+    };
+    mixed.into_iter().map(cut_to_four).collect()
+}
+
+/// Scales weights to sum 1. If all of them vanish, five particles are equally near: then the four that stay share alike.
+fn normalize(mut weights: Weights) -> Weights {
+    let sum: f64 = weights.iter().map(|w| w.1).sum();
+    let share = 1.0 / weights.len().max(1) as f64;
+    let degenerate = sum.is_nan() || sum < 1e-12;
+    weights.iter_mut().for_each(|w| w.1 = if degenerate { share } else { w.1 / sum });
+    weights
+}
+
+fn pack(weights: Weights) -> Influences {
+    let heaviest = weights.first().map_or(0, |w| w.0);
+    let mut influences = Influences { particles: [heaviest; 4], weights: [0.0; 4] };
+    for (slot, (particle, weight)) in weights.into_iter().enumerate() {
         if weight as f32 > 0.0 {
             influences.particles[slot] = particle;
             influences.weights[slot] = weight as f32;

@@ -32,6 +32,15 @@ impl SoftBody {
     }
 }
 
+/// The velocity a body starts with, as a rigid piece. Read when its [`SoftBody`] is inserted; later changes have no effect.
+#[derive(Component, Debug, Clone, Copy, PartialEq, Default)]
+pub struct InitialVelocity {
+    /// Of the centre of mass \[m/s\].
+    pub linear: Vec3,
+    /// About the centre of mass \[rad/s\], world axes.
+    pub angular: Vec3,
+}
+
 /// Why a [`SoftBody`] could not be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RejectReason {
@@ -71,13 +80,20 @@ pub struct SoftBodyRejected {
 }
 
 /// Builds the particles as soon as a [`SoftBody`] is inserted.
-pub(crate) fn build_body(insert: On<Insert, SoftBody>, mut commands: Commands, mut bodies: Query<(&SoftBody, &mut Transform)>) {
+pub(crate) fn build_body(
+    insert: On<Insert, SoftBody>,
+    mut commands: Commands,
+    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>)>,
+) {
     let entity = insert.entity;
-    let Ok((body, mut transform)) = bodies.get_mut(entity) else {
+    let Ok((body, mut transform, velocity)) = bodies.get_mut(entity) else {
         return;
     };
     match particles_at(&body.rig, &transform) {
-        Ok((particles, origin)) => {
+        Ok((mut particles, origin)) => {
+            if let Some(velocity) = velocity {
+                particles.set_rigid_velocity(velocity.linear.into(), velocity.angular.into());
+            }
             *transform = Transform::from_translation(origin);
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone() };
             commands.entity(entity).remove::<(crate::Edges, crate::ImplicitGroups, Frozen)>().insert((Particles(particles), start));

@@ -24,7 +24,7 @@ pub(crate) fn solve_distances(time: Res<SubstepTime>, mut bodies: Query<(&mut Pa
         |(_, edges, _)| 10 * edges.len(),
         |(mut particles, edges, distance)| {
             let fraction = polpo_solver::stiffness_fraction(distance.frequency, time.delta);
-            polpo_solver::solve_distances(edges, &mut particles, fraction);
+            polpo_solver::solve_distances(edges, &mut particles, fraction, time.delta);
         },
     );
 }

@@ -36,7 +36,6 @@ pub(crate) fn freeze_broken_bodies(mut commands: Commands, mut bodies: Query<(En
         let p = &mut particles.0;
         p.position.clone_from(&start.position);
         p.previous_position.clone_from(&start.position);
-        p.predicted_position.clone_from(&start.position);
         p.rotation.clone_from(&start.rotation);
         p.previous_rotation.clone_from(&start.rotation);
         p.velocity.fill(Vec3A::ZERO);

@@ -24,8 +24,9 @@ pub(crate) fn pull_grabbed(time: Res<SubstepTime>, mut bodies: Query<(&mut Parti
         }
         let fraction = polpo_solver::stiffness_fraction(grab.frequency, time.delta);
         let target = Vec3A::from(grab.target - transform.translation);
-        if let Some(x) = particles.position.get_mut(grab.particle as usize) {
-            *x += (target - *x) * fraction;
+        let i = grab.particle as usize;
+        if let Some(&x) = particles.position.get(i) {
+            particles.displace(i, (target - x) * fraction, 1.0 / time.delta);
         }
     }
 }

@@ -48,7 +48,7 @@ mod writeback;
 #[cfg(feature = "render")]
 pub mod render;
 
-pub use bodies::{RejectReason, SoftBody, SoftBodyRejected};
+pub use bodies::{InitialVelocity, RejectReason, SoftBody, SoftBodyRejected};
 pub use collision::{Collision, Contacts};
 pub use damping::Damping;
 pub use distance::DistanceConstraints;
@@ -67,7 +67,7 @@ pub mod prelude {
     #[cfg(feature = "render")]
     pub use crate::render::PolpoRenderPlugin;
     pub use crate::{
-        BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, PolpoPlugin, PolpoSystems, ShapeMatching,
-        SoftBody, SolverSettings, Torsion,
+        BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity, PolpoPlugin, PolpoSystems,
+        ShapeMatching, SoftBody, SolverSettings, Torsion,
     };
 }

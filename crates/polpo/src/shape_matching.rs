@@ -55,7 +55,7 @@ pub(crate) fn match_shapes(
         |(_, groups, _)| 30 * groups.members.len(),
         |(mut particles, mut groups, matching)| {
             let fraction = polpo_solver::stiffness_fraction(matching.frequency, time.delta);
-            polpo_solver::match_shapes(&mut groups, &mut particles, fraction);
+            polpo_solver::match_shapes(&mut groups, &mut particles, fraction, time.delta);
         },
     );
 }

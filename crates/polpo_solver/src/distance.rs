@@ -2,12 +2,14 @@
 
 use crate::{Edges, Particles};
 
-/// Moves the ends of every edge by the share `fraction` (0 … 1, see [`stiffness_fraction`](crate::stiffness_fraction)) of the way to its rest length.
+/// In a substep of `dt` \[s\], moves the ends of every edge by the share `fraction` (0 … 1, see [`stiffness_fraction`](crate::stiffness_fraction)) of the way to its rest length.
 ///
 /// C = |d| − l with d = x_j − x_i has the gradient ∓d/|d|, so Δx_i = s·w_i/(w_i + w_j)·C·d/|d| and Δx_j the opposite, weighted by the masses: linear and, because both lie on one line,
 /// angular momentum are kept. An edge of zero length has no direction and is left alone.
-pub fn solve_distances(edges: &Edges, particles: &mut Particles, fraction: f32) {
+pub fn solve_distances(edges: &Edges, particles: &mut Particles, fraction: f32, dt: f32) {
+    let rate = 1.0 / dt;
     let x = &mut particles.position;
+    let v = &mut particles.velocity;
     let w = &particles.inverse_mass;
     for (&[i, j], &rest) in edges.pairs.iter().zip(&edges.rest_length) {
         let (i, j) = (i as usize, j as usize);
@@ -15,8 +17,11 @@ pub fn solve_distances(edges: &Edges, particles: &mut Particles, fraction: f32) 
         let length = d.length();
         if length > 0.0 {
             let correction = d * (fraction * (length - rest) / (length * (w[i] + w[j])));
-            x[i] += correction * w[i];
-            x[j] -= correction * w[j];
+            let (way_i, way_j) = (correction * w[i], correction * -w[j]);
+            x[i] += way_i;
+            x[j] += way_j;
+            v[i] += way_i * rate;
+            v[j] += way_j * rate;
         }
     }
 }
@@ -33,7 +38,7 @@ mod tests {
         let mut p = line(2, 1.0, 0.1);
         let edges = Edges::new(&p, &[[0, 1]]).unwrap();
         p.position[1] = Vec3A::new(3.0, 4.0, 0.0);
-        solve_distances(&edges, &mut p, 1.0);
+        solve_distances(&edges, &mut p, 1.0, 0.01);
         assert!((p.position[1].distance(p.position[0]) - 1.0).abs() < 1e-6);
     }
 
@@ -51,7 +56,7 @@ mod tests {
         let edges = Edges::new(&p, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 5], [0, 5]]).unwrap();
         scramble(&mut p, 7);
         let before = p.clone();
-        solve_distances(&edges, &mut p, 0.7);
+        solve_distances(&edges, &mut p, 0.7, 0.01);
         // The displacement, read as a velocity about the positions before it, carries no momentum; a sequence of
         // corrections does so about the position at which each was made, so only the linear part is exact.
         for i in 0..p.len() {
@@ -61,7 +66,7 @@ mod tests {
         assert!(momentum(&p).linear.length() < 1e-4);
         let single = Edges::new(&before, &[[1, 4]]).unwrap();
         let mut q = before.clone();
-        solve_distances(&single, &mut q, 0.7);
+        solve_distances(&single, &mut q, 0.7, 0.01);
         for i in 0..q.len() {
             q.velocity[i] = q.position[i] - before.position[i];
             q.angular_velocity[i] = Vec3A::ZERO;
@@ -75,7 +80,7 @@ mod tests {
         let mut p = line(2, 1.0, 0.1);
         let edges = Edges::new(&p, &[[0, 1]]).unwrap();
         p.position[1] = p.position[0];
-        solve_distances(&edges, &mut p, 1.0);
+        solve_distances(&edges, &mut p, 1.0, 0.01);
         assert!(p.is_finite());
     }
 }

@@ -20,6 +20,8 @@ pub struct ImplicitGroups {
     pub rotation: Vec<Quat>,
     /// Where each colour starts among the groups, and the end of the last.
     pub colors: Vec<u32>,
+    /// Scratch: the ways of one group's members \[m\]. As long as the longest row.
+    pub(crate) ways: Vec<Vec3A>,
     /// Per *particle*, B_i = (m_i/5)·Q_i·diag(a², b², c²)·Q_iᵀ \[kg·m²\], its own second moment at rest.
     ///
     /// An ellipsoid turned by R_i contributes A_i = ∫ (R_i·ȳ)·ȳᵀ dm = R_i·B_i to a group. (m/5·diag(a², b², c²)·R_i, as often printed, depends on the frame of reference.)
@@ -62,6 +64,7 @@ impl ImplicitGroups {
             groups.inverse_mass.push(1.0 / mass);
             groups.rotation.push(particles.rotation[ring[0] as usize]);
         }
+        groups.ways = vec![Vec3A::ZERO; rings.iter().map(Vec::len).max().unwrap_or(0)];
         groups.moment = (0..n)
             .map(|i| {
                 let q = Mat3A::from_quat(particles.frame[i]);

@@ -4,16 +4,16 @@ use glam::Quat;
 
 use crate::{Particles, quat_log};
 
-/// v = (x − x_previous)/Δt, ω = log(q·q_previous⁻¹)/Δt, then drag: both times e^(−k·Δt) for the rate `drag` k \[1/s\].
-///
-/// The first is computed as v + (x − x_predicted)/Δt, the same number without the cancellation: the difference of two neighbouring floats is exact, so a particle that no constraint moved
-/// keeps its velocity to the bit, at every Δt. (x − x_previous carries the rounding of x, 6e-8 m at 1 m, which at 1 kHz is 6e-5 m/s a substep.)
+/// ω = log(q·q_previous⁻¹)/Δt; v has been summed up on the way (see [`Particles::displace`]) and is (x − x_previous)/Δt. Then drag: both times e^(−k·Δt) for the rate `drag` k \[1/s\].
 ///
 /// e^(−kΔt) rather than a factor per step, so that the same k slows the same body equally at every time step. Range of `drag`: 0 (none) to infinity (stops at once).
 pub fn integrate(particles: &mut Particles, dt: f32, drag: f32) {
-    let keep = if drag > 0.0 { libm::expf(-drag * dt) } else { 1.0 };
-    for ((v, x), predicted) in particles.velocity.iter_mut().zip(&particles.position).zip(&particles.predicted_position) {
-        *v = (*v + (*x - *predicted) / dt) * keep;
+    let mut keep = 1.0;
+    if drag > 0.0 {
+        keep = libm::expf(-drag * dt);
+        for v in &mut particles.velocity {
+            *v *= keep;
+        }
     }
     let rate = keep / dt;
     for ((omega, q), previous) in particles.angular_velocity.iter_mut().zip(&particles.rotation).zip(&particles.previous_rotation) {

@@ -70,8 +70,6 @@ pub struct Particles {
     pub position: Vec<Vec3A>,
     /// Centres at the start of the substep \[m\].
     pub previous_position: Vec<Vec3A>,
-    /// Where [`predict`](crate::predict) put the centres \[m\].
-    pub predicted_position: Vec<Vec3A>,
     /// \[m/s\]
     pub velocity: Vec<Vec3A>,
     /// Rotation since rest, unit length.
@@ -140,7 +138,6 @@ impl Particles {
         let n = rest.len();
         particles.rest_position = particles.position.clone();
         particles.previous_position = particles.position.clone();
-        particles.predicted_position = particles.position.clone();
         particles.velocity = vec![Vec3A::ZERO; n];
         particles.rotation = vec![Quat::IDENTITY; n];
         particles.previous_rotation = vec![Quat::IDENTITY; n];
@@ -184,8 +181,7 @@ impl Particles {
 
     /// Moves the origin by `shift` \[m\]: every position loses it.
     pub fn shift_origin(&mut self, shift: Vec3A) {
-        let arrays = [&mut self.position, &mut self.previous_position, &mut self.predicted_position];
-        for x in arrays.into_iter().flatten() {
+        for x in self.position.iter_mut().chain(&mut self.previous_position) {
             *x -= shift;
         }
     }
@@ -195,12 +191,25 @@ impl Particles {
         for i in 0..self.len() {
             self.position[i] = rotation * self.position[i] + translation;
             self.previous_position[i] = self.position[i];
-            self.predicted_position[i] = self.position[i];
             self.velocity[i] = rotation * self.velocity[i];
             self.rotation[i] = (rotation * self.rotation[i]).normalize();
             self.previous_rotation[i] = self.rotation[i];
             self.angular_velocity[i] = rotation * self.angular_velocity[i];
         }
+    }
+
+    /// Moves particle `i` by `way` \[m\] within a substep of 1/`rate` \[s\]: what a constraint does to a particle. Its velocity takes the way too.
+    ///
+    /// Velocities are summed up like this, rather than read off positions at the end, because the difference of two positions of a metre carries 6e-8 m of rounding, which at 1 kHz is
+    /// 6e-5 m/s a substep, always to the same side in a body at rest. Summed, a body keeps its linear momentum to 1e-6 where it would lose 1e-3 in seconds.
+    ///
+    /// # Panics
+    ///
+    /// If there is no particle `i`.
+    #[inline]
+    pub fn displace(&mut self, i: usize, way: Vec3A, rate: f32) {
+        self.position[i] += way;
+        self.velocity[i] += way * rate;
     }
 
     /// Gives the whole body the velocity of a rigid piece: `linear` \[m/s\] at the centre of mass, `angular` \[rad/s\] about it.

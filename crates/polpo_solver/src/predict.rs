@@ -13,17 +13,10 @@ use crate::{Particles, quat_exp};
 pub fn predict(particles: &mut Particles, acceleration: Vec3A, dt: f32) -> usize {
     let limit = PI / dt;
     let dv = acceleration * dt;
-    for (((x, previous), predicted), v) in particles
-        .position
-        .iter_mut()
-        .zip(&mut particles.previous_position)
-        .zip(&mut particles.predicted_position)
-        .zip(&mut particles.velocity)
-    {
+    for ((x, previous), v) in particles.position.iter_mut().zip(&mut particles.previous_position).zip(&mut particles.velocity) {
         *previous = *x;
         *v += dv;
         *x += *v * dt;
-        *predicted = *x;
     }
     let mut clamped = 0;
     for ((q, previous), omega) in particles.rotation.iter_mut().zip(&mut particles.previous_rotation).zip(&mut particles.angular_velocity) {

@@ -4,7 +4,7 @@ use glam::{Mat3A, Quat, Vec3A};
 
 use crate::{ImplicitGroups, Particles, extract_rotation};
 
-/// Moves the members of every group by the share `fraction` (0 … 1, see [`stiffness_fraction`](crate::stiffness_fraction)) of the way to the group's best rigid fit.
+/// In a substep of `dt` \[s\], moves the members of every group by the share `fraction` (0 … 1, see [`stiffness_fraction`](crate::stiffness_fraction)) of the way to the group's best rigid fit.
 ///
 /// With c and c̄ the group's centres of mass now and at rest,
 ///
@@ -14,15 +14,18 @@ use crate::{ImplicitGroups, Particles, extract_rotation};
 /// ```
 ///
 /// (Müller & Chentanez 2011, §3; the centred sum, because the uncentred one loses a factor of twenty in `f32` at an offset of 1e4). The spin terms R_i·B_i keep A well conditioned for chains
-/// and sheets, whose positions alone leave rotations open. Linear momentum is kept because Σ m_i·(x̄_i − c̄) = 0. All members turn, not the main one only: that is what keeps angular momentum,
+/// and sheets, whose positions alone leave rotations open. Linear momentum is kept because Σ m_i·(x̄_i − c̄) = 0; what rounding leaves of
+/// that sum is taken off again, or a stiff body would push itself through space by the last bit of its coordinates. All members turn, not the main one only: that is what keeps angular momentum,
 /// spin included, to first order.
 ///
 /// Groups are solved in colour order, each from the result of those before (Gauss–Seidel).
-pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, fraction: f32) {
+pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, fraction: f32, dt: f32) {
     if fraction <= 0.0 {
         return;
     }
+    let rate = 1.0 / dt;
     let x = &mut particles.position;
+    let v = &mut particles.velocity;
     let q = &mut particles.rotation;
     let mass = &particles.mass;
     for (g, row) in groups.rows.windows(2).enumerate() {
@@ -49,10 +52,19 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, frac
         let rotation = extract_rotation(a, groups.rotation[g]);
         groups.rotation[g] = rotation;
         let matrix = Mat3A::from_quat(rotation);
-        for (&i, &r) in members.iter().zip(rest) {
+        let ways = &mut groups.ways[..members.len()];
+        let mut excess = Vec3A::ZERO;
+        for ((&i, &r), way) in members.iter().zip(rest).zip(&mut *ways) {
             let i = i as usize;
-            let way = matrix * r + center - x[i];
-            x[i] += way * fraction;
+            *way = (matrix * r - (x[i] - center)) * fraction;
+            excess += *way * mass[i];
+        }
+        excess *= groups.inverse_mass[g];
+        for (&i, &way) in members.iter().zip(&*ways) {
+            let i = i as usize;
+            let way = way - excess;
+            x[i] += way;
+            v[i] += way * rate;
             q[i] = turn_towards(q[i], rotation, fraction);
         }
     }
@@ -86,7 +98,7 @@ mod tests {
         let mut groups = groups_of(&p, &pairs);
         p.place(quat_exp(Vec3A::new(0.5, -1.2, 0.7)), Vec3A::new(0.3, -0.2, 0.9));
         let before = p.clone();
-        match_shapes(&mut groups, &mut p, 1.0);
+        match_shapes(&mut groups, &mut p, 1.0, 0.01);
         for i in 0..p.len() {
             assert!(p.position[i].distance(before.position[i]) < 2e-6);
             assert!(quat_log(p.rotation[i] * before.rotation[i].inverse()).length() < 1e-5);
@@ -102,8 +114,8 @@ mod tests {
         let mut turned = p.clone();
         turned.place(turn, Vec3A::ZERO);
         let (mut a, mut b) = (groups_of(&p, &pairs), groups_of(&turned, &pairs));
-        match_shapes(&mut a, &mut p, 0.6);
-        match_shapes(&mut b, &mut turned, 0.6);
+        match_shapes(&mut a, &mut p, 0.6, 0.01);
+        match_shapes(&mut b, &mut turned, 0.6, 0.01);
         for i in 0..p.len() {
             assert!((turn * p.position[i]).distance(turned.position[i]) < 1e-5);
             assert!(quat_log(turn * p.rotation[i] * turned.rotation[i].inverse()).length() < 1e-4);
@@ -116,7 +128,7 @@ mod tests {
         let mut groups = groups_of(&p, &pairs);
         scramble(&mut p, 5);
         let before = p.clone();
-        match_shapes(&mut groups, &mut p, 0.8);
+        match_shapes(&mut groups, &mut p, 0.8, 0.01);
         let mut moved = 0.0f32;
         for i in 0..p.len() {
             p.velocity[i] = p.position[i] - before.position[i];
@@ -135,7 +147,7 @@ mod tests {
         let bend = |p: &Particles| (p.position[2] - p.position[1]).normalize().cross((p.position[1] - p.position[0]).normalize()).length();
         let before = bend(&p);
         for _ in 0..50 {
-            match_shapes(&mut groups, &mut p, 1.0);
+            match_shapes(&mut groups, &mut p, 1.0, 0.01);
         }
         assert!(before > 0.3 && bend(&p) < 1e-3 * before, "{before} → {}", bend(&p));
     }
@@ -150,7 +162,7 @@ mod tests {
                 *x *= collapse;
             }
             for _ in 0..400 {
-                match_shapes(&mut groups, &mut p, 1.0);
+                match_shapes(&mut groups, &mut p, 1.0, 0.01);
             }
             assert!(p.is_finite());
             let fit = crate::fit_rigid(&p, Quat::IDENTITY);

@@ -47,9 +47,10 @@ fn solve(contact: &mut Contact, start: (Vec3A, Vec3A), p: &mut Particles, dt: f3
     let (w, inverse_inertia) = (p.inverse_mass[i], p.inverse_inertia[i]);
     let lever = reach.cross(n);
     let lambda = depth / (w + inverse_inertia * lever.length_squared());
-    p.position[i] += n * (lambda * w);
+    let rate = 1.0 / dt;
+    p.displace(i, n * (lambda * w), rate);
     turn(&mut p.rotation[i], lever * (lambda * inverse_inertia));
-    contact.impulse = lambda / dt;
+    contact.impulse = lambda * rate;
 
     if contact.friction > 0.0 {
         let now = p.position[i] + reach;
@@ -64,7 +65,7 @@ fn solve(contact: &mut Contact, start: (Vec3A, Vec3A), p: &mut Particles, dt: f3
             let lever = reach.cross(t);
             let hold = length / (w + inverse_inertia * lever.length_squared());
             let impulse = hold.min(contact.friction * lambda);
-            p.position[i] -= t * (impulse * w);
+            p.displace(i, t * (-impulse * w), rate);
             turn(&mut p.rotation[i], lever * (-impulse * inverse_inertia));
         }
     }

@@ -9,6 +9,8 @@ pub(crate) struct Candidate {
     pub(crate) when: When,
     /// How far the particle's centre is above the plane now \[m\].
     pub(crate) distance: f32,
+    /// The same as a share of how far the particle reaches towards it: 1 is touch.
+    pub(crate) nearness: f32,
     pub(crate) point: Vector,
     pub(crate) normal: Vector,
     /// How fast the plane turns \[rad/s\].
@@ -42,23 +44,39 @@ impl When {
 /// How many planes a particle keeps at most: three hold it in a corner, one is to spare.
 pub(crate) const MOST: usize = 4;
 
-/// Sorts `candidates`, all of one particle, and drops those whose surface point is not above every plane already kept by more than `step` \[m\].
+/// Sorts `candidates`, all of one particle, by urgency, and drops those hidden behind others.
 ///
-/// A plane is the tangent plane of a convex part, so what lies behind a kept plane at the point nearest to the particle cannot be touched before that plane is. That drops the other triangles of a
-/// flat floor, whose nearest points are their edges; the neighbours in a row of boxes; the far side of a thin wall; duplicates. Without it every inner edge would be a bump. A real corner
-/// stays: the wall's nearest point is above the floor.
+/// A plane is the tangent plane of a convex part, so a part whose own point of contact is not above another part's plane, by more than `step` \[m\], cannot be touched before that plane is: it is
+/// hidden. That drops the other triangles of a flat floor, whose points of contact are their edges; the neighbours in a row of boxes; the far side of a thin wall; duplicates. Without it
+/// every inner edge would be a bump. A real corner stays: the wall's point of contact is above the floor.
 ///
-/// Geometry that rises above a kept plane by less than `step` is taken for a part of it: over an edge that small it is gentler to lift the particle when it is past it.
+/// A part is also dropped for a *less* urgent one that hides it. For exact planes that cannot happen, but that of a long ellipsoid at a round shape is found by a search and may be a little too urgent.
+///
+/// What rises above a plane by less than `step` is taken for a part of it: over an edge that small it is gentler to lift the particle when it is past it.
 pub(crate) fn reduce(candidates: &mut Vec<Candidate>, step: f32) {
+    let hides = |plane: &Candidate, other: &Candidate| plane.normal.dot(other.point - plane.point) <= step;
     candidates.sort_unstable_by(|a, b| {
         (a.when.order().total_cmp(&b.when.order()))
-            .then(a.distance.total_cmp(&b.distance))
+            .then(a.nearness.total_cmp(&b.nearness))
             .then((a.obstacle, a.part).cmp(&(b.obstacle, b.part)))
     });
     let mut kept = 0;
     for i in 0..candidates.len() {
         let candidate = candidates[i];
-        if kept < MOST && candidates[..kept].iter().all(|plane| plane.normal.dot(candidate.point - plane.point) > step) {
+        if candidates[..kept].iter().any(|plane| hides(plane, &candidate)) {
+            continue;
+        }
+        if candidate.when == When::Now {
+            let mut left = 0;
+            for k in 0..kept {
+                if candidates[k].when != When::Now || !hides(&candidate, &candidates[k]) {
+                    candidates[left] = candidates[k];
+                    left += 1;
+                }
+            }
+            kept = left;
+        }
+        if kept < MOST {
             candidates[kept] = candidate;
             kept += 1;
         }
@@ -72,7 +90,16 @@ mod tests {
 
     fn plane(point: Vector, normal: Vector) -> Candidate {
         let center = Vector::Y;
-        Candidate { when: When::Now, distance: normal.dot(center - point), point, normal, turn: Vector::ZERO, obstacle: 0, part: 0 }
+        Candidate {
+            when: When::Now,
+            distance: normal.dot(center - point),
+            nearness: 2.0 * normal.dot(center - point),
+            point,
+            normal,
+            turn: Vector::ZERO,
+            obstacle: 0,
+            part: 0,
+        }
     }
 
     /// The plane by which a particle at (0, 1, 0) sees a point.
@@ -102,6 +129,17 @@ mod tests {
         crossed.when = When::Crossed;
         // The same thin floor as seen from below, and its underside.
         let mut list = vec![plane(Vector::Y * 1.2, Vector::NEG_Y), plane(Vector::Y * 1.1, Vector::NEG_Y), crossed];
+        reduce(&mut list, 1e-3);
+        assert_eq!(list.len(), 1);
+        assert_eq!(list[0].normal, Vector::Y);
+    }
+
+    /// A neighbour's edge that claims to be deeper than the floor it belongs to.
+    #[test]
+    fn a_false_edge_goes_although_it_is_more_urgent() {
+        let mut false_edge = edge(Vector::new(0.4, 0.0, 0.0));
+        false_edge.nearness = 0.2;
+        let mut list = vec![false_edge, plane(Vector::ZERO, Vector::Y)];
         reduce(&mut list, 1e-3);
         assert_eq!(list.len(), 1);
         assert_eq!(list[0].normal, Vector::Y);

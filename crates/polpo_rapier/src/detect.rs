@@ -113,7 +113,7 @@ impl ContactDetector {
                     friction: obstacle.friction_with(body.friction),
                     point: found.point.into(),
                     normal: found.normal.into(),
-                    velocity: obstacle.velocity_at(found.point, &frame).into(),
+                    velocity: obstacle.plane_velocity(found.point, found.normal, &frame, body.dt).into(),
                     angular_velocity: found.turn.into(),
                     impulse: 0.0,
                 });
@@ -127,7 +127,8 @@ impl ContactDetector {
         let mut deepest = 0.0f32;
         if !self.near.is_empty() {
             for i in 0..body.particles.len() {
-                self.find(body, i, obstacles, colliders, None, 0.0);
+                // With the slack of the detection: a plane just out of reach hides others too.
+                self.find(body, i, obstacles, colliders, None, SLACK * body.particles.radii[i].min_element());
                 let ellipsoid = body.particles.ellipsoid(i);
                 for found in &self.candidates {
                     deepest = deepest.max(ellipsoid.support(found.normal.into()).0 - found.distance);
@@ -202,7 +203,9 @@ impl ContactDetector {
                 slack,
                 inside: false,
             };
-            let ask = Ask { near: near as u32, obstacle, frame, dt: body.dt, step: local_end - local_now, shape: collider.shape() };
+            let relative = way(body, i) - obstacle.velocity_now_at(now, &frame) * body.dt;
+            let ask =
+                Ask { near: near as u32, obstacle, frame, dt: body.dt, step: frame.rotation.inverse() * relative, shape: collider.shape() };
             ask.collect(probe, &mut self.candidates);
         }
         reduce(&mut self.candidates, FLUSH * least);
@@ -220,7 +223,8 @@ struct Ask<'a> {
     obstacle: &'a Obstacle,
     frame: Frame,
     dt: f32,
-    /// The particle's motion relative to the obstacle in this step, in the obstacle's axes.
+    /// The particle's motion relative to the obstacle's material in this step, by their velocities now, in the obstacle's axes. (The way between the end points of a turn is shorter and points
+    /// inwards, which would tilt the planes of fast wheels.)
     step: Vector,
     shape: &'a dyn Shape,
 }
@@ -237,10 +241,15 @@ impl Ask<'_> {
         if !self.obstacle.local_bounds.intersects(&bounds) {
             return;
         }
+        let travelled = probe.free.map_or(0.0, |at| at.distance(probe.now));
+        let out_there = way_out(self.shape, probe.now, GROUND * probe.bound + travelled);
+        probe.inside = out_there.is_some();
         let mut keep = |when, part, plane: Nearest, turn| {
+            let distance = plane.normal.dot(probe.now - plane.point);
             out.push(Candidate {
                 when,
-                distance: plane.normal.dot(probe.now - plane.point),
+                distance,
+                nearness: distance / probe.support(plane.normal),
                 point: self.frame.outside(plane.point),
                 normal: self.frame.rotation * plane.normal,
                 turn,
@@ -249,15 +258,16 @@ impl Ask<'_> {
             });
         };
         let rigid = self.obstacle.angular_velocity;
-        let travelled = probe.free.map_or(0.0, |at| at.distance(probe.now));
-        if let Some(plane) = way_out(self.shape, probe.now, GROUND * probe.bound + travelled) {
-            probe.inside = true;
+        if let Some(plane) = out_there {
             keep(When::Now, u32::MAX, plane, rigid);
         }
         visit_parts(self.shape, &bounds, &mut |part, pose, shape| {
             probe.ask(shape, pose, |found| match found {
-                Finding::Near(plane) if rigid == Vector::ZERO => keep(When::Now, part, plane, rigid),
-                Finding::Near(plane) => keep(When::Now, part, plane, self.turn(&probe, plane.normal, shape, pose)),
+                Finding::Near(plane) => {
+                    let still = rigid == Vector::ZERO;
+                    let turn = if still { rigid } else { self.turn(&probe, plane.normal, shape, pose) };
+                    keep(When::Now, part, plane, turn);
+                }
                 Finding::Ahead(time, plane) => keep(When::Later(time), part, plane, rigid),
                 Finding::Crossed(plane) => keep(When::Crossed, part, plane, rigid),
             });

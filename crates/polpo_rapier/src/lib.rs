@@ -35,6 +35,7 @@ mod parts;
 mod penetration;
 mod plugin;
 mod probe;
+mod touch;
 mod world;
 
 pub use detect::{ContactDetector, DetectionInput, FreePositions};

@@ -1,6 +1,6 @@
 //! The point of a convex shape that is nearest to a point.
 
-use rapier3d::geometry::{ConvexPolyhedron, PointQueryWithLocation, Shape, Triangle, TrianglePointLocation, TypedShape};
+use rapier3d::geometry::{PointQueryWithLocation, Shape, Triangle, TrianglePointLocation, TypedShape};
 use rapier3d::math::Vector;
 
 /// The place of a convex shape that is nearest to a point, as a plane: the shape lies behind it.
@@ -43,7 +43,7 @@ pub(crate) fn nearest(shape: &dyn Shape, at: Vector) -> Nearest {
             Nearest { point: at - half.normal * distance, normal: half.normal, distance }
         }
         TypedShape::Triangle(triangle) => nearest_on_triangle(triangle, at),
-        TypedShape::ConvexPolyhedron(polyhedron) => nearest_on_polyhedron(polyhedron, at),
+        TypedShape::ConvexPolyhedron(_) => nearest_on_faces(shape, at),
         TypedShape::RoundCuboid(round) => nearest(&round.inner_shape, at).grown(round.border_radius),
         TypedShape::RoundTriangle(round) => nearest(&round.inner_shape, at).grown(round.border_radius),
         TypedShape::RoundCylinder(round) => nearest(&round.inner_shape, at).grown(round.border_radius),
@@ -82,7 +82,7 @@ fn nearest_by_projection(shape: &dyn Shape, at: Vector) -> Nearest {
 }
 
 /// A triangle has no inside: the normal points to the side on which `at` is.
-fn nearest_on_triangle(triangle: &Triangle, at: Vector) -> Nearest {
+pub(crate) fn nearest_on_triangle(triangle: &Triangle, at: Vector) -> Nearest {
     let (projection, location) = triangle.project_local_point_and_get_location(at, false);
     let way = at - projection.point;
     let length = way.length();
@@ -99,43 +99,56 @@ fn nearest_on_triangle(triangle: &Triangle, at: Vector) -> Nearest {
 }
 
 /// Inside, the face that is nearest; outside, the nearest point of all faces that see `at`.
-fn nearest_on_polyhedron(polyhedron: &ConvexPolyhedron, at: Vector) -> Nearest {
-    let points = polyhedron.points();
-    let corners = polyhedron.vertices_adj_to_face();
-    let corners_of = |face: usize| {
-        let face = &polyhedron.faces()[face];
-        let first = face.first_vertex_or_edge as usize;
-        &corners[first..first + face.num_vertices_or_edges as usize]
-    };
-    let height = |face: usize| polyhedron.faces()[face].normal.dot(at - points[corners_of(face)[0] as usize]);
-    let mut above = (f32::NEG_INFINITY, 0);
-    for face in 0..polyhedron.faces().len() {
-        let h = height(face);
-        if h > above.0 {
-            above = (h, face);
+fn nearest_on_faces(shape: &dyn Shape, at: Vector) -> Nearest {
+    let mut inside = Nearest { point: at, normal: Vector::Y, distance: f32::NEG_INFINITY };
+    let mut outside = Nearest { point: at, normal: Vector::Y, distance: f32::INFINITY };
+    visit_faces(shape, &mut |face, normal| {
+        let height = normal.dot(at - face.a);
+        if height > inside.distance {
+            inside = Nearest { point: at - normal * height, normal, distance: height };
         }
-    }
-    let (distance, face) = above;
-    if distance <= 0.0 {
-        let normal = polyhedron.faces()[face].normal;
-        return Nearest { point: at - normal * distance, normal, distance };
-    }
-    let mut best = Nearest { point: at, normal: Vector::Y, distance: f32::INFINITY };
-    for face in 0..polyhedron.faces().len() {
-        let h = height(face);
-        if h <= 0.0 || h >= best.distance {
-            continue;
-        }
-        let ring = corners_of(face);
-        for two in ring[1..].windows(2) {
-            let fan = Triangle::new(points[ring[0] as usize], points[two[0] as usize], points[two[1] as usize]);
-            let here = nearest_on_triangle(&fan, at);
-            if here.distance < best.distance {
-                best = here;
+        if height > 0.0 && height < outside.distance {
+            let here = nearest_on_triangle(face, at);
+            if here.distance < outside.distance {
+                outside = here;
             }
         }
+    });
+    if inside.distance > 0.0 { outside } else { inside }
+}
+
+/// Calls `visit` with triangles that make up the surface of a shape with flat faces, and their outward normals. Returns `false` for other shapes.
+pub(crate) fn visit_faces(shape: &dyn Shape, visit: &mut dyn FnMut(&Triangle, Vector)) -> bool {
+    match shape.as_typed_shape() {
+        TypedShape::Cuboid(cuboid) => {
+            let half = cuboid.half_extents;
+            for axis in 0..3 {
+                for sign in [1.0, -1.0] {
+                    let mut normal = Vector::ZERO;
+                    normal[axis] = sign;
+                    let (mut u, mut v) = (Vector::ZERO, Vector::ZERO);
+                    u[(axis + 1) % 3] = half[(axis + 1) % 3];
+                    v[(axis + 2) % 3] = half[(axis + 2) % 3];
+                    let center = normal * half;
+                    visit(&Triangle::new(center - u - v, center + u - v, center + u + v), normal);
+                    visit(&Triangle::new(center - u - v, center + u + v, center - u + v), normal);
+                }
+            }
+            true
+        }
+        TypedShape::ConvexPolyhedron(polyhedron) => {
+            let points = polyhedron.points();
+            for face in polyhedron.faces() {
+                let first = face.first_vertex_or_edge as usize;
+                let ring = &polyhedron.vertices_adj_to_face()[first..first + face.num_vertices_or_edges as usize];
+                for two in ring[1..].windows(2) {
+                    visit(&Triangle::new(points[ring[0] as usize], points[two[0] as usize], points[two[1] as usize]), face.normal);
+                }
+            }
+            true
+        }
+        _ => false,
     }
-    best
 }
 
 #[cfg(test)]

@@ -30,9 +30,10 @@ pub(crate) struct Obstacle {
     pub(crate) local_bounds: Aabb,
     /// In the world, over the whole step.
     bounds: Aabb,
-    /// Of the collider's origin over this step, and over the last one \[m/s\].
+    /// Of the collider's origin over this step and over the last one, as its way divided by the time; and at this moment, which is not the same for one that goes in circles \[m/s\].
     velocity: Vector,
     last_velocity: Vector,
+    velocity_now: Vector,
     /// \[rad/s\]
     pub(crate) angular_velocity: Vector,
     last_angular_velocity: Vector,
@@ -134,7 +135,8 @@ impl Obstacle {
         if let TypedShape::HeightField(_) = collider.shape().as_typed_shape() {
             local_bounds.mins.y -= 1000.0;
         }
-        let (velocity, angular_velocity) = parent.map_or((Vector::ZERO, Vector::ZERO), |body| motion(body, offset, dt));
+        let (velocity_now, angular_velocity, velocity) =
+            parent.map_or((Vector::ZERO, Vector::ZERO, Vector::ZERO), |body| motion(body, offset, dt));
         let mut bounds = world_bounds(&local_bounds, anchor + offset, rotation);
         let end = world_bounds(&local_bounds, anchor + offset + velocity * dt, turned(rotation, angular_velocity, dt));
         bounds.mins = bounds.mins.min(end.mins);
@@ -148,6 +150,7 @@ impl Obstacle {
             bounds,
             velocity,
             last_velocity: velocity,
+            velocity_now,
             angular_velocity,
             last_angular_velocity: angular_velocity,
             friction: collider.friction(),
@@ -168,9 +171,22 @@ impl Obstacle {
         [now, moved(self.velocity, self.angular_velocity, dt), moved(self.last_velocity, self.last_angular_velocity, -dt)]
     }
 
-    /// The velocity of its material at `at`, which like `frame` is relative to a body's origin \[m/s\].
-    pub(crate) fn velocity_at(&self, at: Vector, frame: &Frame) -> Vector {
-        self.velocity + self.angular_velocity.cross(at - frame.translation)
+    /// The velocity over the step of `dt` of the plane with normal `n` at `at` \[m/s\]. `at` and `frame`, where the obstacle is now, are relative to a body's origin.
+    ///
+    /// Along the plane it is the way from where the material is to where it will be, divided by `dt`: a particle that followed the tangent step by step would creep out of a turntable by r(ωΔt)²/2 a
+    /// step. Along the normal it is the material's velocity now, which is also the surface's: the chord of a wheel points inwards, its surface stays.
+    pub(crate) fn plane_velocity(&self, at: Vector, n: Vector, frame: &Frame, dt: f32) -> Vector {
+        if self.angular_velocity == Vector::ZERO || dt <= 0.0 {
+            return self.velocity;
+        }
+        let arm = at - frame.translation;
+        let way = self.velocity + (quat_exp((self.angular_velocity * dt).into()) * arm - arm) / dt;
+        way + n * n.dot(self.velocity_now_at(at, frame) - way)
+    }
+
+    /// The velocity of its material at `at` at this moment \[m/s\].
+    pub(crate) fn velocity_now_at(&self, at: Vector, frame: &Frame) -> Vector {
+        self.velocity_now + self.angular_velocity.cross(at - frame.translation)
     }
 
     /// Whether it may come near the box `mins` … `maxs`, relative to `origin`, in this step.
@@ -199,22 +215,23 @@ impl Obstacle {
     }
 }
 
-/// Velocity of the point at `offset` from the rigid body's position, and angular velocity, over the step of `dt`. Not finite counts as none.
-fn motion(body: &RigidBody, offset: Vector, dt: f32) -> (Vector, Vector) {
-    let (linear, angular) = if body.is_fixed() || dt <= 0.0 {
-        return (Vector::ZERO, Vector::ZERO);
-    } else if body.body_type() == RigidBodyType::KinematicPositionBased {
+/// Of the point at `offset` from the rigid body's position: its velocity now, the angular velocity, and the velocity as its way over the step of `dt` divided by `dt`. Not finite counts as none.
+fn motion(body: &RigidBody, offset: Vector, dt: f32) -> (Vector, Vector, Vector) {
+    let rest = (Vector::ZERO, Vector::ZERO, Vector::ZERO);
+    if body.is_fixed() || dt <= 0.0 {
+        return rest;
+    }
+    // Everything turns about its centre: the centre of mass, or the position of one whose next position is given.
+    let (linear, angular, arm) = if body.body_type() == RigidBodyType::KinematicPositionBased {
         let (now, next) = (body.position(), body.next_position());
-        let turn = quat_log(next.rotation * now.rotation.inverse());
-        // The end points of the turn, not its tangent, so that a fast turntable's rim ends where Rapier will put it.
-        let end = (next.translation - now.translation) + quat_exp(turn) * offset - offset;
-        (end / dt, Vector::from(turn) / dt)
+        let turn = Vector::from(quat_log(next.rotation * now.rotation.inverse()));
+        ((next.translation - now.translation) / dt, turn / dt, offset)
     } else {
-        let center = body.position().rotation * body.local_center_of_mass();
-        (body.linvel() + body.angvel().cross(offset - center), body.angvel())
+        (body.linvel(), body.angvel(), offset - body.position().rotation * body.local_center_of_mass())
     };
-    let finite = |v: Vector| if v.is_finite() { v } else { Vector::ZERO };
-    (finite(linear), finite(angular))
+    let way = quat_exp((angular * dt).into()) * arm - arm;
+    let motion = (linear + angular.cross(arm), angular, linear + way / dt);
+    if motion.0.is_finite() && motion.1.is_finite() && motion.2.is_finite() { motion } else { rest }
 }
 
 fn turned(rotation: Rotation, angular_velocity: Vector, dt: f32) -> Rotation {
@@ -272,7 +289,9 @@ mod tests {
         );
         let obstacle = &obstacles.list[0];
         let [now, ..] = obstacle.frames(Vector::ZERO, DT);
-        assert!((obstacle.velocity_at(Vector::X * 0.5, &now) - Vector::new(1.0, 0.0, -1.0)).length() < 1e-6);
+        assert!((obstacle.velocity_now_at(Vector::X * 0.5, &now) - Vector::new(1.0, 0.0, -1.0)).length() < 1e-6);
+        let end = Vector::new(0.5 * libm::cosf(2.0 * DT) + DT, 0.0, -0.5 * libm::sinf(2.0 * DT));
+        assert!((Vector::X * 0.5 + obstacle.plane_velocity(Vector::X * 0.5, Vector::Y, &now, DT) * DT - end).length() < 1e-6);
     }
 
     #[test]

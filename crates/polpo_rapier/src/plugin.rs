@@ -4,7 +4,7 @@ use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo::{Collision, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, StepStart};
+use polpo::{Collision, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, SoftBody, StepStart};
 
 use crate::{ContactDetector, DetectionInput, FreePositions, Obstacles, RapierWorld};
 
@@ -57,6 +57,7 @@ impl Plugin for PolpoRapierPlugin {
             .init_resource::<Detection>()
             .init_resource::<Gravity>()
             .register_required_components::<Contacts, ContactMemory>()
+            .add_observer(forget)
             .configure_sets(self.schedule, RapierSystems::Step.after(PolpoSystems::Writeback))
             .add_systems(
                 self.schedule,
@@ -66,6 +67,13 @@ impl Plugin for PolpoRapierPlugin {
                     step_rigid_bodies.in_set(RapierSystems::Step),
                 ),
             );
+    }
+}
+
+/// A body that is built anew has no past.
+fn forget(insert: On<Insert, SoftBody>, mut bodies: Query<&mut ContactMemory>) {
+    if let Ok(mut memory) = bodies.get_mut(insert.entity) {
+        *memory = ContactMemory::default();
     }
 }
 

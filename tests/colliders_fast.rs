@@ -1,0 +1,91 @@
+//! Fast bodies stay on their side of thin things.
+
+#[path = "colliders_harness.rs"]
+mod harness;
+
+use bevy::prelude::*;
+use harness::*;
+use polpo::Particles;
+use rapier3d::prelude::*;
+
+fn thin_floors() -> Vec<(&'static str, ColliderBuilder)> {
+    vec![
+        ("5 cm plate", ColliderBuilder::cuboid(10.0, 0.025, 10.0).translation(Vec3::Y * -0.025)),
+        ("two triangles", flat_mesh(10.0, 1)),
+        ("800 triangles", flat_mesh(10.0, 20)),
+        ("20,000 triangles", flat_mesh(10.0, 100)),
+        ("height field", ground(20.0, 50, |_, _| 0.0)),
+    ]
+}
+
+/// A 3×3×3 lattice at 30 m/s, half a metre a step.
+#[test]
+fn a_body_at_30_metres_a_second_stays_above_a_thin_floor() {
+    for (name, floor) in thin_floors() {
+        for (kind, velocity) in [("straight", Vec3::new(0.0, -30.0, 0.0)), ("slanting", Vec3::new(17.0, -25.0, 3.0))] {
+            let mut lab = Lab::new();
+            lab.rapier().insert_fixed(floor.clone());
+            let body = lab.spawn(lattice(3), Vec3::new(-2.0, 3.0, 0.1), velocity);
+            let (mut deepest, mut lowest) = (0.0f32, f32::INFINITY);
+            for _ in 0..120 {
+                lab.step();
+                deepest = deepest.max(lab.penetration(body));
+                lowest = lowest.min(lab.lowest(body));
+            }
+            println!("{name:18} {kind:9} at most {deepest:.4} m deep, centres down to {lowest:.4} m");
+            assert!(lowest > 0.0, "{name}, {kind}: a centre got to {lowest}");
+            assert!(deepest < 0.02, "{name}, {kind}: {deepest} m deep");
+            assert!(lab.lowest(body) > 0.09, "{name}, {kind}: lies at {}", lab.lowest(body));
+        }
+    }
+}
+
+/// A particle that something else pushed through a surface in one step, well beyond its own size, is brought back; a body that was moved there by its transform is left alone.
+#[test]
+fn what_was_pulled_through_comes_back() {
+    for (name, floor) in thin_floors() {
+        let mut lab = Lab::new();
+        lab.rapier().insert_fixed(floor);
+        let body = lab.spawn(ball(), Vec3::new(0.3, 0.1, 0.2), Vec3::ZERO);
+        lab.steps(5);
+        let mut particles = lab.app.world_mut().get_mut::<Particles>(body).unwrap();
+        particles.position[0].y -= 0.35;
+        particles.velocity[0].y = -2.0;
+        lab.steps(1);
+        assert!(lab.center(body, 0).y < 0.0, "{name}: brought back in one step");
+        lab.steps(120);
+        assert!((lab.center(body, 0).y - 0.1).abs() < 2e-3, "{name}: at {}", lab.center(body, 0));
+    }
+}
+
+#[test]
+fn what_was_put_below_stays_below() {
+    for (name, floor) in thin_floors().into_iter().take(4) {
+        let mut lab = Lab::new();
+        lab.rapier().insert_fixed(floor);
+        let body = lab.spawn(ball(), Vec3::new(0.3, 0.1, 0.2), Vec3::ZERO);
+        lab.steps(5);
+        lab.app.world_mut().get_mut::<Transform>(body).unwrap().translation.y = -0.5;
+        lab.steps(30);
+        assert!(lab.center(body, 0).y < -1.0, "{name}: at {}", lab.center(body, 0));
+    }
+}
+
+/// A bar of 4 cm that goes through the place of a particle within one step takes it along.
+#[test]
+fn a_fast_thin_bar_does_not_pass_through() {
+    let mut lab = Lab::new();
+    let bar = {
+        let mut rapier = lab.rapier();
+        let rapier = &mut *rapier;
+        let bar = rapier.bodies.insert(RigidBodyBuilder::kinematic_position_based().translation(Vec3::new(-1.0, 0.03, 0.0)));
+        rapier.colliders.insert_with_parent(ColliderBuilder::cuboid(0.02, 0.02, 2.0), bar, &mut rapier.bodies);
+        bar
+    };
+    let body = lab.spawn_with(ball(), Transform::IDENTITY, Vec3::ZERO, polpo::GravityScale(0.0));
+    for k in 0..4 {
+        lab.rapier().bodies[bar].set_next_kinematic_translation(Vec3::new(-1.0 + 0.5 * (k + 1) as f32, 0.03, 0.0));
+        lab.step();
+    }
+    assert!(lab.center(body, 0).x > 1.0, "left behind at {}", lab.center(body, 0));
+}

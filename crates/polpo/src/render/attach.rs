@@ -186,11 +186,11 @@ pub(super) fn attach_skins(
     }
 }
 
+/// A skin whose body, particles or mesh component is gone.
+type Orphaned = Or<(Without<SoftBody>, Without<Particles>, Without<Mesh3d>)>;
+
 /// Gives back the user's mesh where the body is gone.
-pub(super) fn detach_skins(
-    mut commands: Commands,
-    mut skinned: Query<(Entity, &Skin, Option<&mut Mesh3d>), Or<(Without<SoftBody>, Without<Particles>, Without<Mesh3d>)>>,
-) {
+pub(super) fn detach_skins(mut commands: Commands, mut skinned: Query<(Entity, &Skin, Option<&mut Mesh3d>), Orphaned>) {
     for (entity, skin, mesh3d) in &mut skinned {
         if let Some(mut mesh3d) = mesh3d
             && mesh3d.0 == skin.instance
@@ -258,7 +258,11 @@ fn vertex_layout(mesh: &Mesh) -> Result<VertexLayout, SkinError> {
         stride += attribute.format.size();
     }
     let words = |offset: u64| {
-        if stride % 4 == 0 && offset % 4 == 0 { Ok((offset / 4) as u32) } else { Err(SkinError::Alignment { stride, offset }) }
+        if stride.is_multiple_of(4) && offset.is_multiple_of(4) {
+            Ok((offset / 4) as u32)
+        } else {
+            Err(SkinError::Alignment { stride, offset })
+        }
     };
     Ok(VertexLayout {
         stride: (stride / 4) as u32,

@@ -8,13 +8,13 @@ use crate::{Edges, Frozen, Particles, SubstepTime};
 /// The edges of a body resist stretching and compression. Comes with every [`SoftBody`](crate::SoftBody).
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct DistanceConstraints {
-    /// Stiffness as the frequency at which the two ends of one edge alone would swing \[Hz\]. Range 0 (off) to infinity (rigid); default 15. Negative and NaN count as 0.
+    /// Stiffness as the frequency at which the two ends of one edge alone would swing \[Hz\]. Range 0 (off) to infinity (rigid); default 40. Negative and NaN count as 0.
     pub frequency: f32,
 }
 
 impl Default for DistanceConstraints {
     fn default() -> Self {
-        Self { frequency: 15.0 }
+        Self { frequency: 40.0 }
     }
 }
 

@@ -8,14 +8,14 @@ use crate::{Frozen, Particles, SoftBody, SubstepTime};
 /// Each particle and its one ring hold their shape. Comes with every [`SoftBody`].
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct ShapeMatching {
-    /// Stiffness as the frequency at which one group alone would swing \[Hz\]. Range 0 (off) to infinity (rigid); default 8. Groups overlap, so a body is stiffer than one group, and a long limb, many
+    /// Stiffness as the frequency at which one group alone would swing \[Hz\]. Range 0 (off) to infinity (rigid); default 25. Groups overlap, so a body is stiffer than one group, and a long limb, many
     /// groups in a row, is softer. Negative and NaN count as 0.
     pub frequency: f32,
 }
 
 impl Default for ShapeMatching {
     fn default() -> Self {
-        Self { frequency: 8.0 }
+        Self { frequency: 25.0 }
     }
 }
 

@@ -8,13 +8,13 @@ use crate::{Edges, Frozen, Particles, SubstepTime};
 /// The edges of a body resist the twist between their ends. Comes with every [`SoftBody`](crate::SoftBody).
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct Torsion {
-    /// Stiffness as the frequency at which the two ends of one edge alone would swing about it \[Hz\]. Range 0 (off) to infinity (rigid); default 8. Negative and NaN count as 0.
+    /// Stiffness as the frequency at which the two ends of one edge alone would swing about it \[Hz\]. Range 0 (off) to infinity (rigid); default 15. Negative and NaN count as 0.
     pub frequency: f32,
 }
 
 impl Default for Torsion {
     fn default() -> Self {
-        Self { frequency: 8.0 }
+        Self { frequency: 15.0 }
     }
 }
 

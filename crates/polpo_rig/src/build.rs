@@ -5,10 +5,13 @@ use crate::sample::Sample;
 use crate::voxels::Voxels;
 use crate::{Mesh, Particle, Rig, RigError, edges, ellipsoids, skin};
 
+/// Ten voxels a particle at the finest resolution: with fewer there are no cells to speak of.
+const MOST_PARTICLES: usize = 100_000;
+
 /// How fine and how heavy a rig is to be.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigSettings {
-    /// Particles wanted, at least 1; default 300. Met exactly, unless the body has more separate parts: each gets one particle.
+    /// Particles wanted, 1 to 100 000; default 300. Met exactly, unless the body has more separate parts: each gets one particle.
     ///
     /// Few make a body that bends in few places; the time of a simulation grows with them. Above about 1000 the voxels a particle
     /// gets become fewer than the 600 it should have, and cells become ragged.
@@ -39,13 +42,14 @@ impl Default for RigSettings {
 /// Takes about a second for 300 particles; about 100 MB at most.
 ///
 /// # Errors
-/// [`RigError::Setting`] for no particles or a density that is not finite and positive, [`RigError::Mesh`] for a mesh that
+/// [`RigError::Setting`] for a number of particles out of range or a density that is not finite and positive, [`RigError::Mesh`] for a mesh that
 /// [`Mesh::validate`] refuses or that has no triangle with an area, [`RigError::TooFewVoxels`] for more particles than the body has
 /// room for, [`RigError::Invalid`] if the body is so large or small that f32 can't hold its particles' masses.
 pub fn build_rig(mesh: &Mesh, settings: &RigSettings) -> Result<Rig, RigError> {
     let RigSettings { particles, edges, density } = *settings;
-    if particles == 0 {
-        return Err(RigError::Setting { setting: "particles", value: 0.0, range: "at least 1" });
+    if !(1..=MOST_PARTICLES).contains(&particles) {
+        let value = particles as f64;
+        return Err(RigError::Setting { setting: "particles", value, range: "1 to 100000" });
     }
     if !(density.is_finite() && density > 0.0) {
         let value = f64::from(density);
@@ -63,8 +67,11 @@ pub fn build_rig(mesh: &Mesh, settings: &RigSettings) -> Result<Rig, RigError> {
     let ellipsoids = ellipsoids::fit(&surface, &voxels, &sample);
     let skin = skin::weigh(&surface, &voxels, &sample, &ellipsoids);
 
-    let voxel = voxels.size * surface.scale;
-    let voxel_mass = f64::from(density) * voxel * voxel * voxel;
+    // Voxels count the volume to a few percent; the mesh itself knows better, unless it crosses itself.
+    let counted = voxels.len() as f64 * voxels.size * voxels.size * voxels.size;
+    let volume = surface.volume().filter(|v| (0.8..1.25).contains(&(v / counted))).unwrap_or(counted);
+    let scale = surface.scale;
+    let voxel_mass = f64::from(density) * scale * scale * scale * volume / voxels.len() as f64;
     let particles = ellipsoids.iter().zip(&sample.volumes).map(|(e, &volume)| Particle {
         position: (surface.origin + e.centre * surface.scale).as_vec3(),
         frame: e.rotation().as_quat(),

@@ -85,6 +85,21 @@ impl Surface {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
+    /// The volume inside, if there is just one part and it is closed: every side is walked once up and once down.
+    pub(crate) fn volume(&self) -> Option<f64> {
+        let mut sides: Vec<[u32; 2]> = Vec::with_capacity(self.triangles.len() * 3);
+        let mut volume = 0.0;
+        for (t, &[a, b, c]) in self.triangles.iter().enumerate() {
+            sides.extend([[a, b], [b, c], [c, a]]);
+            let [a, b, c] = self.corners(t);
+            volume += a.dot(b.cross(c)) / 6.0;
+        }
+        sides.sort_unstable();
+        let once = sides.is_sorted_by(|a, b| a < b);
+        let closed = once && sides.iter().all(|&[a, b]| sides.binary_search(&[b, a]).is_ok());
+        (closed && self.winding.len() == 1).then_some(volume.abs())
+    }
+
     /// The unit normal of every triangle, turned outwards.
     pub(crate) fn normals(&self) -> Vec<DVec3> {
         let normal = |(t, part): (&[u32; 3], &u32)| area_vector(&self.positions, *t).normalize_or_zero() * self.winding[*part as usize];

@@ -18,6 +18,10 @@ use crate::voxels::{Voxels, pieces};
 /// No half axis is shorter than this share of the longest.
 const FLATTEST: f64 = 0.05;
 
+/// Variances at least this near each other pass for equal; the quarter turn is then tried in so many steps.
+const EQUAL: f64 = 0.75;
+const TURNS: usize = 16;
+
 /// A particle's shape, in the unit box.
 #[derive(Clone, Copy)]
 pub(crate) struct Ellipsoid {
@@ -60,14 +64,44 @@ pub(crate) fn fit(surface: &Surface, voxels: &Voxels, sample: &Sample) -> Vec<El
                 let (frame, variances) = eigen(volume);
                 (frame, (variances * 5.0).map(f64::sqrt))
             } else {
-                let (frame, _) = eigen(covariance(skin));
-                let axes = [frame.x_axis, frame.y_axis, frame.z_axis];
+                let (frame, variances) = eigen(covariance(skin));
+                let frame = settle(frame, variances, |axis| reach(skin, centre, axis));
                 let radius = |axis: DVec3| reach(skin, centre, axis).max((3.0 * axis.dot(volume * axis)).sqrt());
-                (frame, DVec3::from_array(axes.map(radius)))
+                (frame, DVec3::new(radius(frame.x_axis), radius(frame.y_axis), radius(frame.z_axis)))
             };
             Ellipsoid { centre, frame, radii: radii.max(DVec3::splat(radii.max_element() * FLATTEST)) }
         })
         .collect()
+}
+
+/// Two axes with about the same variance could point anywhere in their plane, and rounding would decide. Then the pair that makes
+/// the smallest box is taken: along the sides of a square bar, not across its corners.
+fn settle(mut frame: DMat3, variances: DVec3, reach: impl Fn(DVec3) -> f64) -> DMat3 {
+    for (p, q) in [(0, 1), (1, 2), (2, 0)] {
+        let (least, most) = (variances[p].min(variances[q]), variances[p].max(variances[q]));
+        if least < EQUAL * most {
+            continue;
+        }
+        let (a, b) = (frame.col(p), frame.col(q));
+        let turned = |step: usize| {
+            let angle = std::f64::consts::FRAC_PI_2 * step as f64 / TURNS as f64;
+            let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+            (a * cos + b * sin, b * cos - a * sin)
+        };
+        let area = |(a, b): (DVec3, DVec3)| reach(a) * reach(b);
+        let mut best = (area((a, b)), 0);
+        for step in 1..TURNS {
+            let area = area(turned(step));
+            // A round limb has no corners, and keeps its axes.
+            if area < 0.98 * best.0 {
+                best = (area, step);
+            }
+        }
+        let (a, b) = turned(best.1);
+        *frame.col_mut(p) = a;
+        *frame.col_mut(q) = b;
+    }
+    frame
 }
 
 /// Covariance of every cell's volume about its particle; positive, since a voxel has an extent of its own.

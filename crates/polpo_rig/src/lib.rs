@@ -18,6 +18,7 @@ mod ellipsoids;
 mod error;
 mod files;
 mod flood;
+mod gltf_buffers;
 mod mesh;
 mod read;
 mod read_gltf;

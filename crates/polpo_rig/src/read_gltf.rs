@@ -1,102 +1,208 @@
-//! glTF in. The `gltf` crate reads the document and the buffers; accessors are read here, because they come from the file and the
-//! crate's own iterators panic on one that reaches beyond its buffer.
+//! glTF 2.0 in: nodes, meshes and accessors, read here with every index and range checked. The usual crate panics on some files that
+//! are not valid, and brings image decoders that nobody needs for a rig.
 
 use std::path::Path;
 
-use glam::{Mat3, Mat4, Vec2, Vec3};
-use gltf::accessor::{DataType, Dimensions};
-use gltf::mesh::Mode;
-use gltf::{Accessor, Document, Gltf, Primitive, Semantic};
+use glam::{Mat3, Mat4, Quat, Vec2, Vec3};
+use serde::Deserialize;
 
+use crate::gltf_buffers::{Buffers, binary_chunks};
 use crate::mesh::smooth_normals;
 use crate::read::not_a_mesh;
 use crate::{Mesh, MeshError};
 
-type Buffers = [gltf::buffer::Data];
+/// Extensions a file may require although they mean nothing here, or that are understood.
+const HARMLESS: [&str; 4] = ["KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization"];
 
+const TRIANGLES: u32 = 4;
+
+/// The parts of a document that hold a mesh; absent lists are empty.
+#[derive(Deserialize, Default)]
+#[serde(rename_all = "camelCase", default)]
+pub(crate) struct Document {
+    extensions_required: Vec<String>,
+    nodes: Vec<Node>,
+    meshes: Vec<Part>,
+    pub(crate) accessors: Vec<Accessor>,
+    pub(crate) buffer_views: Vec<BufferView>,
+    pub(crate) buffers: Vec<BufferSource>,
+}
+
+#[derive(Deserialize)]
+struct Node {
+    #[serde(default)]
+    children: Vec<usize>,
+    mesh: Option<usize>,
+    skin: Option<usize>,
+    matrix: Option<[f32; 16]>,
+    translation: Option<[f32; 3]>,
+    rotation: Option<[f32; 4]>,
+    scale: Option<[f32; 3]>,
+}
+
+#[derive(Deserialize)]
+struct Part {
+    primitives: Vec<Primitive>,
+}
+
+#[derive(Deserialize)]
+struct Primitive {
+    attributes: Attributes,
+    indices: Option<usize>,
+    mode: Option<u32>,
+}
+
+#[derive(Deserialize)]
+struct Attributes {
+    #[serde(rename = "POSITION")]
+    position: Option<usize>,
+    #[serde(rename = "NORMAL")]
+    normal: Option<usize>,
+    #[serde(rename = "COLOR_0")]
+    color: Option<usize>,
+    #[serde(rename = "TEXCOORD_0")]
+    uv: Option<usize>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Accessor {
+    pub(crate) buffer_view: Option<usize>,
+    #[serde(default)]
+    pub(crate) byte_offset: usize,
+    pub(crate) component_type: u32,
+    #[serde(default)]
+    pub(crate) normalized: bool,
+    pub(crate) count: usize,
+    #[serde(rename = "type")]
+    pub(crate) shape: String,
+    pub(crate) sparse: Option<serde_json::Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct BufferView {
+    pub(crate) buffer: usize,
+    #[serde(default)]
+    pub(crate) byte_offset: usize,
+    pub(crate) byte_length: usize,
+    pub(crate) byte_stride: Option<usize>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct BufferSource {
+    pub(crate) uri: Option<String>,
+    pub(crate) byte_length: usize,
+}
+
+/// Reads a `.glb` or, if it doesn't start as one, the text of a `.gltf`. `folder` is where buffers in files of their own are.
 pub(crate) fn parse(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<Mesh, MeshError> {
-    let Gltf { document, blob } = Gltf::from_slice(bytes).map_err(|e| not_a_mesh(name, e))?;
-    let buffers = gltf::import_buffers(&document, folder, blob).map_err(|e| not_a_mesh(name, e))?;
+    let fail = |reason: String| not_a_mesh(name, reason);
+    let (text, blob) = binary_chunks(bytes).map_err(fail)?;
+    let document: Document = serde_json::from_slice(text).map_err(|e| not_a_mesh(name, e))?;
+    let foreign = |e: &&String| !HARMLESS.iter().any(|h| e.starts_with(h));
+    if let Some(extension) = document.extensions_required.iter().find(foreign) {
+        return Err(fail(format!("it requires the extension {extension}")));
+    }
+    let buffers = Buffers::load(&document, blob, folder).map_err(fail)?;
 
     let mut mesh = Mesh { name: name.into(), ..Mesh::default() };
-    let transforms = world_transforms(&document).map_err(|reason| not_a_mesh(name, reason))?;
-    for (node, transform) in document.nodes().zip(transforms) {
-        let Some(part) = node.mesh() else { continue };
-        let transform = if node.skin().is_some() { Mat4::IDENTITY } else { transform };
-        for primitive in part.primitives() {
-            if primitive.mode() != Mode::Triangles {
+    let transforms = world_transforms(&document.nodes).map_err(fail)?;
+    for (index, (node, transform)) in document.nodes.iter().zip(transforms).enumerate() {
+        let Some(part_index) = node.mesh else { continue };
+        let part = document.meshes.get(part_index);
+        let part = part.ok_or_else(|| fail(format!("node {index} shows mesh {part_index}, which is not there")))?;
+        let transform = if node.skin.is_some() { Mat4::IDENTITY } else { transform };
+        for (primitive_index, primitive) in part.primitives.iter().enumerate() {
+            let mode = primitive.mode.unwrap_or(TRIANGLES);
+            if mode != TRIANGLES {
                 return Err(MeshError::UnsupportedMode {
                     name: name.into(),
-                    mesh: part.index(),
-                    primitive: primitive.index(),
-                    mode: format!("{:?}", primitive.mode()),
+                    mesh: part_index,
+                    primitive: primitive_index,
+                    mode: mode_name(mode),
                 });
             }
-            append(&mut mesh, &primitive, &buffers, transform).map_err(|reason| {
-                let (mesh, primitive) = (part.index(), primitive.index());
-                not_a_mesh(name, format_args!("mesh {mesh}, primitive {primitive}: {reason}"))
-            })?;
+            append(&mut mesh, primitive, &buffers, transform)
+                .map_err(|reason| not_a_mesh(name, format_args!("mesh {part_index}, primitive {primitive_index}: {reason}")))?;
         }
     }
     mesh.validate()?;
     Ok(mesh)
 }
 
+fn mode_name(mode: u32) -> String {
+    let names = ["Points", "Lines", "LineLoop", "LineStrip", "Triangles", "TriangleStrip", "TriangleFan"];
+    names.get(mode as usize).map_or_else(|| mode.to_string(), |name| (*name).into())
+}
+
+impl Node {
+    fn transform(&self) -> Mat4 {
+        if let Some(matrix) = self.matrix {
+            return Mat4::from_cols_array(&matrix);
+        }
+        let scale = self.scale.map_or(Vec3::ONE, Vec3::from);
+        let rotation = self.rotation.map_or(Quat::IDENTITY, Quat::from_array);
+        let translation = self.translation.map_or(Vec3::ZERO, Vec3::from);
+        let axes = Mat3::from_quat(rotation) * Mat3::from_diagonal(scale);
+        let mut transform = Mat4::from_mat3(axes);
+        transform.w_axis = translation.extend(1.0);
+        transform
+    }
+}
+
 /// The transform of every node to the world, in file order.
-fn world_transforms(document: &Document) -> Result<Vec<Mat4>, String> {
-    let count = document.nodes().len();
-    let mut parent = vec![None; count];
-    for node in document.nodes() {
-        for child in node.children() {
-            let slot = &mut parent[child.index()];
-            if slot.replace(node.index()).is_some() {
-                return Err(format!("node {} has two parents", child.index()));
+fn world_transforms(nodes: &[Node]) -> Result<Vec<Mat4>, String> {
+    let mut parent = vec![None; nodes.len()];
+    for (index, node) in nodes.iter().enumerate() {
+        for &child in &node.children {
+            let slot = parent.get_mut(child).ok_or(format!("node {index} has child {child}, which is not there"))?;
+            if slot.replace(index).is_some() {
+                return Err(format!("node {child} has two parents"));
             }
         }
     }
-    let local: Vec<Mat4> = document.nodes().map(|n| Mat4::from_cols_array_2d(&n.transform().matrix())).collect();
     let world = |node: usize| {
-        let mut transform = local[node];
+        let mut transform = nodes[node].transform();
         let mut above = parent[node];
-        for _ in 0..count {
+        for _ in 0..nodes.len() {
             let Some(p) = above else { return Ok(transform) };
-            transform = local[p] * transform;
+            transform = nodes[p].transform() * transform;
             above = parent[p];
         }
         Err(format!("node {node} is its own ancestor"))
     };
-    (0..count).map(world).collect()
+    (0..nodes.len()).map(world).collect()
 }
 
 /// Adds one primitive to the mesh.
 fn append(mesh: &mut Mesh, primitive: &Primitive, buffers: &Buffers, transform: Mat4) -> Result<(), String> {
-    let read = |semantic: Semantic| {
-        let accessor = primitive.get(&semantic);
-        accessor.map(|a| floats(&a, buffers).map_err(|e| format!("{semantic:?}: {e}")))
-    };
+    let attributes = &primitive.attributes;
+    let read = |accessor: Option<usize>, item: &str| accessor.map(|a| buffers.vectors(a).map_err(|e| format!("{item}: {e}"))).transpose();
     let vec3 = |v: [f32; 4]| Vec3::new(v[0], v[1], v[2]);
 
-    let positions = read(Semantic::Positions).ok_or("it has no positions")??;
+    let positions = read(attributes.position, "POSITION")?.ok_or("it has no POSITION")?;
     let vertices = positions.len();
     let mut positions: Vec<Vec3> = positions.into_iter().map(vec3).collect();
     let mut triangles = triangles(primitive, buffers, vertices)?;
-    let mut normals = match read(Semantic::Normals) {
-        Some(normals) => normals?.into_iter().map(vec3).collect(),
+    let mut normals = match read(attributes.normal, "NORMAL")? {
+        Some(normals) => normals.into_iter().map(vec3).collect(),
         None => smooth_normals(&positions, &triangles),
     };
-    let colors = read(Semantic::Colors(0)).transpose()?;
-    let uvs = read(Semantic::TexCoords(0)).transpose()?;
+    let colors = read(attributes.color, "COLOR_0")?;
+    let uvs = read(attributes.uv, "TEXCOORD_0")?;
     for (item, found) in [
-        ("normals", normals.len()),
-        ("colors", colors.as_ref().map_or(vertices, Vec::len)),
-        ("uvs", uvs.as_ref().map_or(vertices, Vec::len)),
+        ("NORMAL", normals.len()),
+        ("COLOR_0", colors.as_ref().map_or(vertices, Vec::len)),
+        ("TEXCOORD_0", uvs.as_ref().map_or(vertices, Vec::len)),
     ] {
         if found != vertices {
-            return Err(format!("{found} {item} for {vertices} positions"));
+            return Err(format!("{found} entries in {item}, but {vertices} vertices"));
         }
     }
 
-    // Untouched bits under the identity: the hash of a file's mesh is then the one of the mesh that the engine loads from it.
+    // Untouched bits under the identity: the hash of a file's mesh is then the one of the mesh that an engine loads from it.
     if transform != Mat4::IDENTITY {
         let linear = Mat3::from_mat4(transform);
         // The cofactor matrix turns normals under any scale, also a flat or mirroring one.
@@ -116,17 +222,13 @@ fn append(mesh: &mut Mesh, primitive: &Primitive, buffers: &Buffers, transform: 
     }
 
     let before = mesh.positions.len();
-    let base = u32::try_from(before).map_err(|_| "more vertices than a 32-bit index reaches")?;
-    for t in &triangles {
-        let mut moved = [0; 3];
-        for (to, from) in moved.iter_mut().zip(t) {
-            *to = base.checked_add(*from).ok_or("more vertices than a 32-bit index reaches")?;
-        }
-        mesh.triangles.push(moved);
+    let after = before + vertices;
+    if u32::try_from(after).is_err() {
+        return Err("more vertices than a 32-bit index reaches".into());
     }
+    mesh.triangles.extend(triangles.iter().map(|t| t.map(|v| v + before as u32)));
     mesh.positions.extend(positions);
     mesh.normals.extend(normals);
-    let after = mesh.positions.len();
     if let Some(colors) = colors {
         mesh.colors.resize(before, [1.0; 4]);
         mesh.colors.extend(colors);
@@ -142,80 +244,18 @@ fn append(mesh: &mut Mesh, primitive: &Primitive, buffers: &Buffers, transform: 
     Ok(())
 }
 
-/// A primitive's index triples, or the vertices in threes if it has no indices.
+/// A primitive's index triples, or the vertices in threes if it has no indices; none reaches beyond the vertices.
 fn triangles(primitive: &Primitive, buffers: &Buffers, vertices: usize) -> Result<Vec<[u32; 3]>, String> {
-    let indices = match primitive.indices() {
-        Some(accessor) => indices(&accessor, buffers).map_err(|e| format!("indices: {e}"))?,
+    let indices = match primitive.indices {
+        Some(accessor) => buffers.indices(accessor).map_err(|e| format!("indices: {e}"))?,
         None => (0..u32::try_from(vertices).map_err(|e| e.to_string())?).collect(),
     };
     let (triangles, rest) = indices.as_chunks::<3>();
     if !rest.is_empty() {
         return Err(format!("{} indices don't make triangles", indices.len()));
     }
+    if let Some(at) = indices.iter().position(|&v| v as usize >= vertices) {
+        return Err(format!("triangle {} points to vertex {}, but there are {vertices}", at / 3, indices[at]));
+    }
     Ok(triangles.to_vec())
-}
-
-/// The elements of an accessor: bytes of one element each, checked against the buffer.
-fn elements<'a>(accessor: &Accessor, buffers: &'a Buffers) -> Result<impl Iterator<Item = &'a [u8]> + use<'a>, String> {
-    if accessor.sparse().is_some() {
-        return Err("sparse accessors are not supported".into());
-    }
-    let view = accessor.view().ok_or("the accessor has no buffer view")?;
-    let size = accessor.size();
-    let stride = view.stride().unwrap_or(size).max(1);
-    let bytes = buffers
-        .get(view.buffer().index())
-        .and_then(|b| b.0.get(view.offset()..view.offset().checked_add(view.length())?))
-        .and_then(|b| b.get(accessor.offset()..))
-        .ok_or("the buffer view reaches beyond its buffer")?;
-    let count = accessor.count();
-    let needed = count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(size));
-    if needed.is_none_or(|needed| needed > bytes.len()) {
-        return Err("the accessor reaches beyond its buffer view".into());
-    }
-    Ok((0..count).map(move |i| &bytes[i * stride..i * stride + size]))
-}
-
-/// Scalars to 4-vectors of any storable type, integers normalised to 0..1 or -1..1; missing components are 0, a missing alpha 1.
-fn floats(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<[f32; 4]>, String> {
-    let components = match accessor.dimensions() {
-        Dimensions::Vec2 => 2,
-        Dimensions::Vec3 => 3,
-        Dimensions::Vec4 => 4,
-        other => return Err(format!("{other:?} where a vector should be")),
-    };
-    let kind = accessor.data_type();
-    let width = kind.size();
-    let value = |b: &[u8]| match (kind, b) {
-        (DataType::F32, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
-        (DataType::U8, &[a]) => f32::from(a) / 255.0,
-        (DataType::U16, &[a, b]) => f32::from(u16::from_le_bytes([a, b])) / 65535.0,
-        (DataType::I8, &[a]) => (f32::from(a as i8) / 127.0).max(-1.0),
-        (DataType::I16, &[a, b]) => (f32::from(i16::from_le_bytes([a, b])) / 32767.0).max(-1.0),
-        _ => f32::NAN,
-    };
-    let vector = |bytes: &[u8]| {
-        let mut v = [0.0, 0.0, 0.0, 1.0];
-        for (x, bytes) in v.iter_mut().zip(bytes.chunks(width)).take(components) {
-            *x = value(bytes);
-        }
-        v
-    };
-    Ok(elements(accessor, buffers)?.map(vector).collect())
-}
-
-fn indices(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<u32>, String> {
-    if accessor.dimensions() != Dimensions::Scalar {
-        return Err(format!("{:?} where a scalar should be", accessor.dimensions()));
-    }
-    let index = |b: &[u8]| match *b {
-        [a] => Ok(u32::from(a)),
-        [a, b] => Ok(u32::from(u16::from_le_bytes([a, b]))),
-        [a, b, c, d] => Ok(u32::from_le_bytes([a, b, c, d])),
-        _ => Err(format!("{} bytes an index", b.len())),
-    };
-    match accessor.data_type() {
-        DataType::U8 | DataType::U16 | DataType::U32 => elements(accessor, buffers)?.map(index).collect(),
-        other => Err(format!("{other:?} is no index type")),
-    }
 }

@@ -151,9 +151,9 @@ impl Grid {
     /// `resolution` voxels along the longest side, or as many as memory allows.
     fn new(surface: &Surface, resolution: f64) -> Grid {
         let extent = surface.positions.iter().fold(DVec3::ZERO, |a, p| a.max(*p));
-        // Two cells of margin, placed so that the sides of an upright box fall on no voxel's centre or side.
-        let margin = 1.37;
-        let dims_at = |n: f64| (extent * n + 2.0 * margin).ceil();
+        // The box in the middle of the grid, so that a symmetric body has symmetric voxels, with about two voxels of margin. The odd
+        // rounding keeps the box's sides off the voxels' centres, where rounding would decide what is inside.
+        let dims_at = |n: f64| (extent * n + 0.37).floor() + 4.0;
         let mut resolution = resolution.clamp(1.0, GRID_SIDE).floor();
         while dims_at(resolution).element_product() > GRID_CELLS {
             resolution = (resolution * 0.97).floor();
@@ -161,7 +161,7 @@ impl Grid {
         let size = 1.0 / resolution;
         let dims = dims_at(resolution).as_ivec3();
         let bits = vec![0; dims.as_usizevec3().element_product()];
-        let origin = DVec3::splat(-margin * size);
+        let origin = (extent - dims_at(resolution) * size) * 0.5;
         let mut grid = Grid { resolution, size, origin, dims, bits };
         for axis in 0..3 {
             grid.cast_rays(surface, axis);
@@ -263,7 +263,7 @@ impl Grid {
         let uncovered: Vec<IVec3> = self
             .interior()
             .filter(|&c| self.has(c, SURFACE) && !self.inside(c))
-            .filter(|&c| !FACES.iter().any(|&f| self.inside(c + f)))
+            .filter(|&c| !block(IVec3::NEG_ONE, IVec3::ONE).any(|o| self.inside(c + o)))
             .collect();
         let mut keep = vec![false; if uncovered.is_empty() { 0 } else { self.bits.len() }];
         for cell in uncovered {
@@ -334,8 +334,6 @@ impl Grid {
         Voxels { size: self.size, origin: self.origin, dims: self.dims, grid, cells, first, links }
     }
 }
-
-const FACES: [IVec3; 6] = [IVec3::X, IVec3::NEG_X, IVec3::Y, IVec3::NEG_Y, IVec3::Z, IVec3::NEG_Z];
 
 /// Whether face steps lead from a cell to `cell + offset`, in any order of the axes.
 fn reaches(cell: IVec3, offset: IVec3, face_step: &impl Fn(IVec3, usize, i32) -> Option<IVec3>) -> bool {

@@ -1,0 +1,132 @@
+//! Shapes to rig, and what the tests ask of a rig.
+#![allow(dead_code, reason = "every test file uses a part of it")]
+#![allow(unreachable_pub, reason = "shared by the test files, which have no library of their own")]
+
+use std::collections::BTreeMap;
+
+use glam::{IVec3, Vec3};
+use polpo_rig::{Mesh, Rig, RigSettings, build_rig};
+
+/// A closed mesh around unit cubes, moved by `place` to where its corners are to be. Sides inside the shape are left out, corners are
+/// shared. Every face of a cube is cut into `cuts` × `cuts` squares.
+pub fn cubes(cells: &[IVec3], cuts: i32, place: impl Fn(Vec3) -> Vec3) -> Mesh {
+    let mut corners: BTreeMap<[i32; 3], u32> = BTreeMap::new();
+    let mut mesh = Mesh { name: "cubes".into(), ..Mesh::default() };
+    for &cell in cells {
+        for axis in 0..3 {
+            for side in [0, 1] {
+                let mut normal = IVec3::ZERO;
+                normal[axis] = 2 * side - 1;
+                if cells.contains(&(cell + normal)) {
+                    continue;
+                }
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                for i in 0..cuts {
+                    for j in 0..cuts {
+                        let mut corner = |di: i32, dj: i32| {
+                            let mut at = cell * cuts;
+                            at[axis] += side * cuts;
+                            at[u] += i + di;
+                            at[v] += j + dj;
+                            let next = mesh.positions.len() as u32;
+                            *corners.entry(at.to_array()).or_insert_with(|| {
+                                mesh.positions.push(place(at.as_vec3() / cuts as f32));
+                                next
+                            })
+                        };
+                        let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                        let outwards = [[a, b, c], [a, c, d]];
+                        let inwards = [[a, c, b], [a, d, c]];
+                        mesh.triangles.extend(if side == 1 { outwards } else { inwards });
+                    }
+                }
+            }
+        }
+    }
+    mesh.normals = vec![Vec3::Y; mesh.positions.len()];
+    mesh
+}
+
+/// A box of `counts` cubes, each cut in `cuts`, with the given sides.
+pub fn block(counts: [i32; 3], cuts: i32, sides: Vec3) -> Mesh {
+    let counts = IVec3::from(counts);
+    let scale = sides / counts.as_vec3();
+    cubes(&grid(IVec3::ZERO, counts), cuts, |p| p * scale)
+}
+
+/// All cells from `low` up to but without `high`.
+pub fn grid(low: IVec3, high: IVec3) -> Vec<IVec3> {
+    let mut cells = Vec::new();
+    for x in low.x..high.x {
+        for y in low.y..high.y {
+            for z in low.z..high.z {
+                cells.push(IVec3::new(x, y, z));
+            }
+        }
+    }
+    cells
+}
+
+/// The edge between two fingers' inner sides, as wide as told; fingers 0.2 wide and 1 long on a palm 0.2 high.
+pub fn two_fingers(gap: f32) -> Mesh {
+    let mut cells = grid(IVec3::new(0, 0, 0), IVec3::new(5, 1, 2));
+    cells.extend(grid(IVec3::new(0, 1, 0), IVec3::new(2, 6, 2)));
+    cells.extend(grid(IVec3::new(3, 1, 0), IVec3::new(5, 6, 2)));
+    cubes(&cells, 2, |p| {
+        let x = if p.x <= 2.0 {
+            p.x * 0.1 - 0.2
+        } else if p.x >= 3.0 {
+            (p.x - 3.0) * 0.1 + gap
+        } else {
+            (p.x - 2.0) * gap
+        };
+        Vec3::new(x, p.y * 0.2, p.z * 0.1)
+    })
+}
+
+/// Two meshes in one.
+pub fn both(mut a: Mesh, b: Mesh) -> Mesh {
+    let base = a.positions.len() as u32;
+    a.positions.extend(b.positions);
+    a.normals.extend(b.normals);
+    a.triangles.extend(b.triangles.iter().map(|t| t.map(|v| v + base)));
+    a
+}
+
+pub fn moved(mut mesh: Mesh, by: Vec3) -> Mesh {
+    mesh.positions.iter_mut().for_each(|p| *p += by);
+    mesh
+}
+
+/// Settings for so many particles and two and a half times the edges.
+pub fn settings(particles: usize) -> RigSettings {
+    RigSettings { particles, edges: particles * 5 / 2, ..RigSettings::default() }
+}
+
+pub fn rig(mesh: &Mesh, particles: usize) -> Rig {
+    build_rig(mesh, &settings(particles)).expect("the shape can be rigged")
+}
+
+/// In how many pieces the edges leave the particles.
+pub fn pieces(rig: &Rig) -> usize {
+    let mut piece: Vec<u32> = (0..rig.particles.len() as u32).collect();
+    loop {
+        let before = piece.clone();
+        for &[a, b] in &rig.edges {
+            let least = piece[a as usize].min(piece[b as usize]);
+            piece[a as usize] = least;
+            piece[b as usize] = least;
+        }
+        if piece == before {
+            piece.sort_unstable();
+            piece.dedup();
+            return piece.len();
+        }
+    }
+}
+
+/// The mean length of the edges.
+pub fn spacing(rig: &Rig) -> f32 {
+    let length = |e: &[u32; 2]| rig.particles[e[0] as usize].position.distance(rig.particles[e[1] as usize].position);
+    rig.edges.iter().map(length).sum::<f32>() / rig.edges.len() as f32
+}

@@ -21,7 +21,7 @@ pub struct RigSettings {
     ///
     /// Two to three edges a particle are soft, five and more make a thick body stiff in shear.
     pub edges: usize,
-    /// Density of the body [kg/m³], finite and positive; default 1000, water and most animals.
+    /// Density of the body \[kg/m³\], finite and positive; default 1000, water and most animals.
     ///
     /// The mesh is taken to be in metres. A mesh in centimetres weighs a million times as much: scale it first.
     pub density: f32,

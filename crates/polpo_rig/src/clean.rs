@@ -20,7 +20,7 @@ pub(crate) struct Surface {
     pub(crate) welded: Vec<u32>,
     /// A mesh position is `origin + scale · position`.
     pub(crate) origin: DVec3,
-    /// The longest side of the mesh's bounding box [m], positive.
+    /// The longest side of the mesh's bounding box \[m\], positive.
     pub(crate) scale: f64,
 }
 

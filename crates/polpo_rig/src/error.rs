@@ -152,7 +152,7 @@ pub enum RigFault {
         particle: usize,
         /// 0, 1 or 2.
         axis: usize,
-        /// The value [m].
+        /// The value \[m\].
         radius: f32,
     },
     /// A particle's mass is not finite and positive.
@@ -160,7 +160,7 @@ pub enum RigFault {
     Mass {
         /// Index of the particle.
         particle: usize,
-        /// The value [kg].
+        /// The value \[kg\].
         mass: f32,
     },
     /// An edge points beyond the particles.

@@ -15,7 +15,7 @@ use crate::MeshError;
 pub struct Mesh {
     /// Where it came from, for errors.
     pub name: String,
-    /// One a vertex [m], finite.
+    /// One a vertex \[m\], finite.
     pub positions: Vec<Vec3>,
     /// One unit normal a vertex; the readers compute them if the file has none.
     pub normals: Vec<Vec3>,

@@ -21,15 +21,15 @@ pub struct Rig {
 /// One oriented particle at rest: an ellipsoid of mass.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Particle {
-    /// Centre [m].
+    /// Centre \[m\].
     pub position: Vec3,
     /// The principal axes at rest: turns x, y, z into the directions of `radii`. A unit quaternion.
     ///
     /// This is the shape's frame, not the particle's orientation: orientations are relative to rest, the identity there.
     pub frame: Quat,
-    /// Half axes along the frame's x, y, z [m], positive.
+    /// Half axes along the frame's x, y, z \[m\], positive.
     pub radii: Vec3,
-    /// Mass [kg], positive.
+    /// Mass \[kg\], positive.
     pub mass: f32,
 }
 

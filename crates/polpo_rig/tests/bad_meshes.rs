@@ -55,8 +55,8 @@ fn a_setting_out_of_range_is_named() {
 #[test]
 fn more_particles_than_voxels_is_named() {
     let wire = block([1, 1, 1], 1, Vec3::new(1.0, 1e-6, 1e-6));
-    let error = build_rig(&wire, &settings(5000)).map(|_| ()).map_err(|e| e.to_string());
-    let message = "cubes: 5000 particles wanted, but the body has only";
+    let error = build_rig(&wire, &settings(50_000)).map(|_| ()).map_err(|e| e.to_string());
+    let message = "cubes: 50000 particles wanted, but the body has only";
     assert!(error.as_ref().is_err_and(|e| e.starts_with(message)), "{error:?}");
 }
 

@@ -7,7 +7,7 @@ use super::OctopusError;
 
 /// Points along an arm's curve.
 pub(crate) const POINTS: usize = 57;
-/// Arms must stay this far apart [m]; where they leave the body they grow together in a web.
+/// Arms must stay this far apart \[m\]; where they leave the body they grow together in a web.
 const GAP: f64 = 0.015;
 const WEB: f64 = 0.3;
 
@@ -29,7 +29,7 @@ pub(crate) type Arm = Vec<Joint>;
 struct Character {
     /// Where it leaves the body, counted from +x towards +z.
     heading: f64,
-    /// Length [m].
+    /// Length \[m\].
     length: f64,
     /// Elevation at the root and in its middle, up is positive.
     root: f64,
@@ -97,7 +97,7 @@ impl Character {
     }
 }
 
-/// Half an arm's thickness at a share of its length [m]: stout where it leaves the body, then an even taper.
+/// Half an arm's thickness at a share of its length \[m\]: stout where it leaves the body, then an even taper.
 fn radius(s: f64) -> f64 {
     let left = 1.0 - s;
     0.0110 + 0.036 * left * (0.60 + 0.40 * left)

@@ -6,7 +6,7 @@ use libm::{cos, floor, sin, sqrt};
 use super::remesh::Remesh;
 use super::shape::{EYE, EYE_RADIUS, GAZE, Shape};
 
-/// Angle from ring to ring [rad], about a vertex's distance.
+/// Angle from ring to ring \[rad\], about a vertex's distance.
 const RING: f64 = 0.155;
 /// Rings that belong to the eye; the last one is skin, to keep the lid's outline round.
 const RINGS: usize = 6;

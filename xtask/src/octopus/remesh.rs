@@ -238,7 +238,7 @@ impl Remesh {
     fn relax(&mut self, shape: &Shape, times: usize) {
         for _ in 0..times {
             let mut moved = self.positions.clone();
-            for v in 0..self.positions.len() {
+            for (v, place) in moved.iter_mut().enumerate() {
                 if self.around[v].is_empty() || self.pinned[v] {
                     continue;
                 }
@@ -255,7 +255,7 @@ impl Remesh {
                     let there = sum / total;
                     let here = self.positions[v];
                     let step = (there - here).reject_from_normalized(shape.normal(here));
-                    moved[v] = shape.project(here + step * 0.8);
+                    *place = shape.project(here + step * 0.8);
                 }
             }
             self.positions = moved;

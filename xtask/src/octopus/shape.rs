@@ -5,7 +5,7 @@ use libm::{cos, sin};
 
 use super::arms::{Arm, Joint, ramp};
 
-/// The eyes: middle of the right one (its mirror image is the left one), radius, and where it looks [m].
+/// The eyes: middle of the right one (its mirror image is the left one), radius, and where it looks \[m\].
 pub(crate) const EYE: DVec3 = DVec3::new(0.080, 0.112, 0.074);
 pub(crate) const EYE_RADIUS: f64 = 0.054;
 pub(crate) const GAZE: DVec3 = DVec3::new(0.66, 0.22, 0.72);
@@ -43,7 +43,7 @@ impl Shape {
         Shape { arms, chunks, lean }
     }
 
-    /// About the distance to the skin [m], negative inside.
+    /// About the distance to the skin \[m\], negative inside.
     pub(crate) fn distance(&self, p: DVec3) -> f64 {
         let mirrored = DVec3::new(p.x.abs(), p.y, p.z);
         let in_mantle = self.lean.transpose() * (p - MANTLE);
@@ -122,7 +122,7 @@ impl Shape {
         (number, i as f64 / (arm.len() - 1) as f64, arm[i])
     }
 
-    /// How long the mesh's sides should be at a point of the skin [m]: short where there is something to see or to bend.
+    /// How long the mesh's sides should be at a point of the skin \[m\]: short where there is something to see or to bend.
     pub(crate) fn side(&self, p: DVec3) -> f64 {
         let mirrored = DVec3::new(p.x.abs(), p.y, p.z);
         let eye = mirrored.distance(EYE) - EYE_RADIUS;
@@ -135,7 +135,7 @@ impl Shape {
 }
 
 const MANTLE: DVec3 = DVec3::new(0.0, 0.265, -0.085);
-/// How far the mantle leans back [rad].
+/// How far the mantle leans back \[rad\].
 const LEAN: f64 = 0.45;
 
 impl Chunk {

@@ -6,7 +6,7 @@ use libm::{cos, sin};
 use super::remesh::Remesh;
 use super::shape::Shape;
 
-/// Half the angle between the two rows, seen from the arm's middle [rad].
+/// Half the angle between the two rows, seen from the arm's middle \[rad\].
 const SPREAD: f64 = 0.62;
 /// Distance of a row's suckers and their height, in arm radii.
 const PITCH: f64 = 1.9;
@@ -15,7 +15,7 @@ const HEIGHT: f64 = 0.10;
 const FROM: f64 = 0.10;
 const TO: f64 = 0.97;
 
-/// A sucker: where it is on the skin, and the arm's radius there [m].
+/// A sucker: where it is on the skin, and the arm's radius there \[m\].
 #[derive(Clone, Copy)]
 pub(crate) struct Sucker {
     pub(crate) centre: DVec3,

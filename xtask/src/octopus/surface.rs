@@ -9,7 +9,7 @@ use glam::{DVec3, UVec3};
 use super::OctopusError;
 use super::shape::Shape;
 
-/// Side of the sampling grid's cells [m]: the arms' tips are two and a half cells thick.
+/// Side of the sampling grid's cells \[m\]: the arms' tips are two and a half cells thick.
 const CELL: f64 = 0.009;
 /// Points along a block of the grid.
 const BLOCK: u32 = 6;

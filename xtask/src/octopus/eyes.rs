@@ -30,7 +30,7 @@ pub(crate) fn place(shape: &Shape, mesh: &mut Remesh) {
                 let turn = std::f64::consts::TAU * i as f64 / (6 * ring).max(1) as f64;
                 let toward = gaze * cos(tilt) + (right * cos(turn) + up * sin(turn)) * sin(tilt);
                 let point = EYE + toward * EYE_RADIUS;
-                mesh.pin(shape.project(DVec3::new(point.x * mirror, point.y, point.z)));
+                mesh.pin(shape.project(DVec3::new(point.x * mirror, point.y, point.z)), shape);
             }
         }
     }
@@ -48,10 +48,10 @@ pub(crate) fn part(p: DVec3) -> Option<Part> {
     // Chord instead of angle: on these few rings they differ by a hair, and no arc function is needed.
     let chord = sqrt((x * x + y * y + (1.0 - z) * (1.0 - z)).max(0.0));
     let ring = floor(chord / RING + 0.5);
-    // A horizontal bar with round ends, three rings to either side, one up and down.
-    let slit = (x / (3.4 * RING)).abs();
+    // A horizontal bar with round ends, two rings to either side, one up and down.
+    let slit = (x / (2.9 * RING)).abs();
     match ring as usize {
-        0..=3 if slit < 1.0 && y.abs() < 1.1 * RING * (1.0 - slit * slit * slit * slit) => Some(Part::Pupil),
+        0..=3 if slit < 1.0 && y.abs() < 1.15 * RING * (1.0 - slit * slit * slit * slit) => Some(Part::Pupil),
         0..=3 => Some(Part::Iris),
         4 => Some(Part::White),
         5 => Some(Part::Lid),

@@ -1,7 +1,7 @@
 //! The octopus of the demos, made from formulas: an implicit shape, meshed, evened out and painted.
 //!
 //! ```text
-//! arms → shape → surface → remesh → eyes, suckers → paint
+//! arms → shape → surface → eyes, suckers → remesh → paint
 //! ```
 //!
 //! It looks along +z, its mantle leans back, Y is up; metres, centred about the origin.
@@ -35,10 +35,9 @@ pub(crate) fn make() -> Result<ColoredMesh, OctopusError> {
     arms::check_gaps(&arms)?;
     let shape = shape::Shape::new(arms);
     let mut mesh = remesh::Remesh::new(surface::mesh(&shape));
-    mesh.even_out(&shape);
     eyes::place(&shape, &mut mesh);
     let suckers = suckers::place(&shape, &mut mesh);
-    mesh.settle(&shape);
+    mesh.even_out(&shape);
     let (mut positions, triangles) = mesh.finish();
     surface::check_sphere(&positions, &triangles)?;
 

@@ -1,5 +1,5 @@
-//! Evens a mesh out to wanted side lengths: split what is long, collapse what is short, flip towards six sides a vertex, relax along
-//! the skin (the incremental remeshing of Botsch & Kobbelt, SGP 2004, with a length that varies over the shape).
+//! Evens a mesh out to wanted side lengths: split what is long, collapse what is short, flip towards Delaunay, relax along the
+//! skin (the incremental remeshing of Botsch & Kobbelt, SGP 2004, with a length that varies over the shape).
 
 use glam::DVec3;
 
@@ -41,31 +41,49 @@ impl Remesh {
             self.flip();
             self.relax(shape, 2);
         }
+        self.flip();
     }
 
-    /// Moves the vertex nearest to a point there, and keeps it there. Nothing happens if that one is pinned already.
-    pub(crate) fn pin(&mut self, point: DVec3) -> Option<u32> {
+    /// Puts a vertex at a point of the skin that stays there: the nearest one if it is very near, or a new one in the triangle below.
+    pub(crate) fn pin(&mut self, point: DVec3, shape: &Shape) {
         let distance = |v: u32| self.positions[v as usize].distance_squared(point);
         let alive = (0..self.positions.len() as u32).filter(|&v| !self.around[v as usize].is_empty());
-        let nearest = alive.min_by(|&a, &b| distance(a).total_cmp(&distance(b)))?;
-        if self.pinned[nearest as usize] {
-            return None;
+        let Some(nearest) = alive.min_by(|&a, &b| distance(a).total_cmp(&distance(b))) else { return };
+        let side = shape.side(point);
+        if !self.pinned[nearest as usize] && distance(nearest) < 0.09 * side * side {
+            self.positions[nearest as usize] = point;
+            self.pinned[nearest as usize] = true;
+            return;
         }
-        self.pinned[nearest as usize] = true;
-        self.positions[nearest as usize] = point;
-        Some(nearest)
+        // The triangle that holds the point is the one in which its smallest share of the area is largest.
+        let inside = |t: u32| {
+            let [a, b, c] = self.triangles[t as usize].map(|v| self.positions[v as usize]);
+            let whole = self.normal([a, b, c]);
+            let share = |p: DVec3, q: DVec3| self.normal([point, p, q]).dot(whole) / whole.length_squared();
+            share(a, b).min(share(b, c)).min(share(c, a))
+        };
+        let mut near = self.around[nearest as usize].clone();
+        near.extend(self.ring(nearest).iter().flat_map(|&v| &self.around[v as usize]));
+        near.sort_unstable();
+        near.dedup();
+        let Some(t) = near.into_iter().max_by(|&s, &t| inside(s).total_cmp(&inside(t))) else { return };
+        let new = self.positions.len() as u32;
+        self.positions.push(point);
+        self.side.push(side);
+        self.pinned.push(true);
+        self.around.push(vec![t]);
+        let [a, b, c] = self.triangles[t as usize];
+        self.triangles[t as usize] = [a, b, new];
+        self.around[c as usize].retain(|&x| x != t);
+        for corners in [[b, c, new], [c, a, new]] {
+            for v in corners {
+                self.around[v as usize].push(self.triangles.len() as u32);
+            }
+            self.triangles.push(corners);
+        }
     }
 
-    /// Evens out around the pinned vertices without adding or removing any.
-    pub(crate) fn settle(&mut self, shape: &Shape) {
-        for _ in 0..3 {
-            self.relax(shape, 3);
-            self.flip();
-        }
-        self.relax(shape, 2);
-    }
-
-    /// The mesh without the gaps, and the new number of every vertex that was pinned stays in `order`.
+    /// The mesh without the gaps.
     pub(crate) fn finish(self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let mut number = vec![GONE; self.positions.len()];
         let mut positions = Vec::new();
@@ -160,7 +178,8 @@ impl Remesh {
     fn collapse(&mut self, shape: &Shape) {
         for [a, b] in self.sides() {
             let Some(pair) = self.pair([a, b]) else { continue };
-            if self.relative([a, b]) > 0.8 || self.pinned[a as usize] || self.pinned[b as usize] {
+            let (pinned_a, pinned_b) = (self.pinned[a as usize], self.pinned[b as usize]);
+            if self.relative([a, b]) > 0.8 || (pinned_a && pinned_b) {
                 continue;
             }
             let (ring_a, ring_b) = (self.ring(a), self.ring(b));
@@ -170,7 +189,12 @@ impl Remesh {
             if shared != 2 || apexes.iter().any(|&v| self.around[v as usize].len() <= 3) {
                 continue;
             }
-            let middle = shape.project((self.positions[a as usize] + self.positions[b as usize]) * 0.5);
+            let (p, q) = (self.positions[a as usize], self.positions[b as usize]);
+            let middle = match (pinned_a, pinned_b) {
+                (true, _) => p,
+                (_, true) => q,
+                _ => shape.project((p + q) * 0.5),
+            };
             let wanted = shape.side(middle);
             let long = |v: &u32| {
                 let limit = (wanted + self.side[*v as usize]) * 0.5 * 4.0 / 3.0;
@@ -189,6 +213,7 @@ impl Remesh {
             }
             self.positions[a as usize] = middle;
             self.side[a as usize] = wanted;
+            self.pinned[a as usize] = pinned_a || pinned_b;
             for t in pair {
                 for v in self.triangles[t as usize] {
                     self.around[v as usize].retain(|&x| x != t);
@@ -210,19 +235,18 @@ impl Remesh {
             if thin || c == d || self.ring(c).binary_search(&d).is_ok() {
                 continue;
             }
-            let excess = |v: u32, by: i64| {
-                let sides = self.around[v as usize].len() as i64 + by - 6;
-                sides * sides
-            };
-            let before = excess(a, 0) + excess(b, 0) + excess(c, 0) + excess(d, 0);
-            let after = excess(a, -1) + excess(b, -1) + excess(c, 1) + excess(d, 1);
             let p = |v: u32| self.positions[v as usize];
             let old = self.normal([p(a), p(b), p(c)]).normalize_or_zero() + self.normal([p(b), p(a), p(d)]).normalize_or_zero();
             let new = [self.normal([p(a), p(d), p(c)]), self.normal([p(d), p(b), p(c)])];
-            // A flip must neither fold the surface nor make a needle.
-            let long = self.length([c, d]) > 1.6 * self.length([a, b]);
+            // Delaunay: the angles across from the side sum to more than half a turn. And a flip must not fold the surface.
+            let angle = |v: u32| {
+                let (to_a, to_b) = (p(a) - p(v), p(b) - p(v));
+                (to_a.dot(to_b), to_a.cross(to_b).length())
+            };
+            let ((cos_c, sin_c), (cos_d, sin_d)) = (angle(c), angle(d));
+            let wide = sin_c * cos_d + cos_c * sin_d < -1e-12;
             let fits = new.iter().all(|n| n.normalize_or_zero().dot(old.normalize_or_zero()) > 0.8);
-            if after >= before || long || !fits {
+            if !wide || !fits {
                 continue;
             }
             self.triangles[up as usize] = [a, d, c];

@@ -42,9 +42,8 @@ pub(crate) fn place(shape: &Shape, mesh: &mut Remesh) -> Vec<Sucker> {
             let middle = joint.centre.lerp(next.centre, t);
             let radius = joint.radius + (next.radius - joint.radius) * t;
             let centre = shape.project(middle + turn * joint.below * radius);
-            if mesh.pin(centre).is_some() {
-                suckers.push(Sucker { centre, radius });
-            }
+            mesh.pin(centre, shape);
+            suckers.push(Sucker { centre, radius });
             at += 0.5 * PITCH * radius / spacing;
             left = !left;
         }

@@ -56,19 +56,13 @@ impl Candidates {
 /// The influences of every vertex of the mesh (welded vertices share theirs).
 pub(crate) fn weigh(surface: &Surface, voxels: &Voxels, sample: &Sample, ellipsoids: &[Ellipsoid]) -> Vec<Influences> {
     let candidates = candidates(voxels, sample);
-    let mut normals = vec![DVec3::ZERO; surface.positions.len()];
-    for (t, normal) in surface.normals().into_iter().enumerate() {
-        let [a, b, c] = surface.corners(t);
-        for v in surface.triangles[t] {
-            normals[v as usize] += normal * (b - a).cross(c - a).length();
-        }
-    }
+    let normals = mitres(surface);
     let mut weights: Vec<Weights> = surface
         .positions
         .iter()
         .zip(normals)
         .map(|(&point, normal)| {
-            let voxel = voxels.under(point, normal.normalize_or_zero());
+            let voxel = voxels.under(point, normal);
             nearest(voxels, &candidates[voxel as usize], ellipsoids, point)
         })
         .collect();
@@ -77,6 +71,27 @@ pub(crate) fn weigh(surface: &Surface, voxels: &Voxels, sample: &Sample, ellipso
     }
     let influences: Vec<Influences> = weights.into_iter().map(pack).collect();
     surface.welded.iter().map(|&v| influences[v as usize]).collect()
+}
+
+/// The outward direction at every vertex, longer at a corner: a step against it goes as deep below each of the vertex's triangles as a
+/// step against their own normals. At most three times as long, for where a fold has no such depth.
+fn mitres(surface: &Surface) -> Vec<DVec3> {
+    let faces = surface.normals();
+    let mut normals = vec![DVec3::ZERO; surface.positions.len()];
+    for (t, face) in faces.iter().enumerate() {
+        let [a, b, c] = surface.corners(t);
+        for v in surface.triangles[t] {
+            normals[v as usize] += face * (b - a).cross(c - a).length();
+        }
+    }
+    let mut slant = vec![1.0_f64; normals.len()];
+    normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
+    for (triangle, face) in surface.triangles.iter().zip(&faces) {
+        for &v in triangle {
+            slant[v as usize] = slant[v as usize].min(normals[v as usize].dot(*face));
+        }
+    }
+    normals.iter().zip(slant).map(|(normal, slant)| *normal / slant.max(1.0 / 3.0)).collect()
 }
 
 /// Floods from all particles at once until every voxel knows its nearest ones.

@@ -94,7 +94,8 @@ impl Voxels {
         inside.then(|| self.grid[linear(self.dims, cell)]).filter(|&v| v != NONE)
     }
 
-    /// The body's voxel under a point of the skin with outward normal `normal`: the nearest to half a voxel below the skin.
+    /// The body's voxel under a point of the skin with outward normal `normal`: the nearest to half a voxel below the skin. (A
+    /// normal longer than 1 goes deeper.)
     pub(crate) fn under(&self, point: DVec3, normal: DVec3) -> u32 {
         let below = point - normal * (0.5 * self.size);
         if let Some(voxel) = self.at(below) {

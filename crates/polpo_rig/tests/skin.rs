@@ -52,8 +52,8 @@ fn steepest(mesh: &Mesh, rig: &Rig) -> (f32, f32) {
 
 #[test]
 fn weights_change_smoothly() {
-    // A bent slab, meshed at about a fifteenth of the particles' spacing.
-    let mesh = cubes(&grid(IVec3::ZERO, IVec3::new(12, 4, 3)), 5, |p| {
+    // A bent slab, its mesh a tenth of the spacing or finer: fine enough for a jump to stand out from a slope.
+    let mesh = cubes(&grid(IVec3::ZERO, IVec3::new(12, 4, 3)), 10, |p| {
         let p = p * 0.1;
         Vec3::new(p.x, p.y + 0.4 * p.x * p.x, p.z)
     });
@@ -61,7 +61,7 @@ fn weights_change_smoothly() {
     let (steepest, longest) = steepest(&mesh, &rig);
     // From one particle to the next a weight goes from all to nothing, most of it within half the way.
     assert!(longest < 0.25, "the mesh is too coarse to tell: {longest}");
-    assert!(steepest < 3.0 * longest, "{steepest} over {longest} of the spacing");
+    assert!(steepest < 2.5 * longest, "{steepest} over {longest} of the spacing");
 }
 
 #[test]

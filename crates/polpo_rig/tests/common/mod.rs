@@ -67,14 +67,15 @@ pub fn grid(low: IVec3, high: IVec3) -> Vec<IVec3> {
     cells
 }
 
-/// The edge between two fingers' inner sides, as wide as told; fingers 0.2 wide and 1 long on a palm 0.2 high.
+/// Two fingers, 0.22 and 0.2 wide and 1 long, on a palm 0.2 high, with a gap between them as wide as told. They differ so that the
+/// gap does not lie in the middle of the voxels.
 pub fn two_fingers(gap: f32) -> Mesh {
     let mut cells = grid(IVec3::new(0, 0, 0), IVec3::new(5, 1, 2));
     cells.extend(grid(IVec3::new(0, 1, 0), IVec3::new(2, 6, 2)));
     cells.extend(grid(IVec3::new(3, 1, 0), IVec3::new(5, 6, 2)));
     cubes(&cells, 2, |p| {
         let x = if p.x <= 2.0 {
-            p.x * 0.1 - 0.2
+            p.x * 0.11 - 0.22
         } else if p.x >= 3.0 {
             (p.x - 3.0) * 0.1 + gap
         } else {

@@ -2,13 +2,19 @@
 
 use std::process::Command;
 
-/// The steps: what they are called, the command line, what is added to the environment.
-const STEPS: [(&str, &[&str], Option<(&str, &str)>); 4] = [
-    ("format", &["fmt", "--all", "--check"], None),
-    ("lint", &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], None),
-    ("document", &["doc", "--workspace", "--no-deps"], Some(("RUSTDOCFLAGS", "-D warnings"))),
+struct Step {
+    name: &'static str,
+    arguments: &'static [&'static str],
+    /// What is added to the environment.
+    variable: Option<(&'static str, &'static str)>,
+}
+
+const STEPS: [Step; 4] = [
+    Step { name: "format", arguments: &["fmt", "--all", "--check"], variable: None },
+    Step { name: "lint", arguments: &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], variable: None },
+    Step { name: "document", arguments: &["doc", "--workspace", "--no-deps"], variable: Some(("RUSTDOCFLAGS", "-D warnings")) },
     // The README's test command.
-    ("test", &["test", "--workspace"], None),
+    Step { name: "test", arguments: &["test", "--workspace"], variable: None },
 ];
 
 /// What stopped CI.
@@ -35,7 +41,7 @@ pub(crate) enum CiError {
 /// Runs all steps, up to the first that fails.
 pub(crate) fn run() -> Result<(), CiError> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    for (step, arguments, variable) in STEPS {
+    for Step { name: step, arguments, variable } in STEPS {
         println!("== {step}: cargo {}", arguments.join(" "));
         let mut command = Command::new(&cargo);
         command.args(arguments);

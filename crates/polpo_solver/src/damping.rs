@@ -9,7 +9,7 @@ use crate::{Particles, momentum};
 /// The rigid motion has the velocity P/M at the centre of mass and ω = J⁻¹L with J the inertia including spin, so pulling v_i towards P/M + ω×r_i and ω_i towards ω leaves P and L as
 /// they were. If J is singular (a single particle without extent) only the linear part is used.
 pub fn damp_internally(particles: &mut Particles, dt: f32, rate: f32) {
-    if !(rate > 0.0) || particles.is_empty() {
+    if rate.is_nan() || rate <= 0.0 || particles.is_empty() {
         return;
     }
     let share = 1.0 - libm::expf(-rate * dt);

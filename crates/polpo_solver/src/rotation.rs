@@ -101,9 +101,8 @@ impl Symmetric {
             }
         }
         let mut step = Vec3A::ZERO;
-        for k in 0..3 {
-            let along = vectors[k].dot(g);
-            step += vectors[k] * (along / values[k].abs().max(EIGENVALUE_FLOOR));
+        for (value, vector) in values.into_iter().zip(vectors) {
+            step += vector * (vector.dot(g) / value.abs().max(EIGENVALUE_FLOOR));
         }
         step
     }
@@ -126,11 +125,9 @@ impl Symmetric {
                     row[p] = c * x - s * y;
                     row[q] = s * x + c * y;
                 }
-                for k in 0..3 {
-                    let (x, y) = (a[p][k], a[q][k]);
-                    a[p][k] = c * x - s * y;
-                    a[q][k] = s * x + c * y;
-                }
+                let (x, y) = (a[p], a[q]);
+                a[p] = [0, 1, 2].map(|k| c * x[k] - s * y[k]);
+                a[q] = [0, 1, 2].map(|k| s * x[k] + c * y[k]);
                 for row in &mut v {
                     let (x, y) = (row[p], row[q]);
                     row[p] = c * x - s * y;

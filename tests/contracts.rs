@@ -1,0 +1,22 @@
+//! The contracts that need no renderer, one module each. One binary, because each would link all of Bevy.
+
+#[path = "contracts/assets_are_whole.rs"]
+mod assets_are_whole;
+#[path = "contracts/bad_input.rs"]
+mod bad_input;
+#[path = "contracts/bodies_come_and_go.rs"]
+mod bodies_come_and_go;
+#[path = "contracts/determinism.rs"]
+mod determinism;
+#[path = "contracts/far_from_the_origin.rs"]
+mod far_from_the_origin;
+#[path = "contracts/free_flight.rs"]
+mod free_flight;
+#[path = "contracts/octopus_scene.rs"]
+mod octopus_scene;
+#[path = "contracts/schedule_is_unambiguous.rs"]
+mod schedule_is_unambiguous;
+#[path = "contracts/stiffness_in_hertz.rs"]
+mod stiffness_in_hertz;
+#[path = "contracts/unused_costs_nothing.rs"]
+mod unused_costs_nothing;

@@ -1,0 +1,49 @@
+//! Bodies and worlds for the contract tests.
+
+use bevy::prelude::*;
+use bevy::time::TimeUpdateStrategy;
+use polpo_rig::{MeshHash, Particle, Rig};
+use polpo_scenes::SimulationPlugins;
+
+/// A 3×3×3 lattice of balls of 10 g, `spacing` \[m\] apart, joined along its axes and face diagonals. It has no skin.
+pub fn lattice(spacing: f32) -> Rig {
+    let mut particles = Vec::new();
+    for z in 0..3 {
+        for y in 0..3 {
+            for x in 0..3 {
+                let position = Vec3::new(x as f32 - 1.0, y as f32 - 1.0, z as f32 - 1.0) * spacing;
+                particles.push(Particle { position, frame: Quat::IDENTITY, radii: Vec3::splat(0.5 * spacing), mass: 0.01 });
+            }
+        }
+    }
+    let mut edges = Vec::new();
+    for i in 0..particles.len() {
+        for j in i + 1..particles.len() {
+            if particles[i].position.distance(particles[j].position) < 1.5 * spacing {
+                edges.push([i as u32, j as u32]);
+            }
+        }
+    }
+    Rig { mesh_hash: MeshHash(0), particles, edges, skin: Vec::new() }
+}
+
+/// Soft bodies and Rapier's colliders without a renderer, at 60 steps a second, one step an update.
+pub fn simulation() -> App {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, SimulationPlugins)).insert_resource(TimeUpdateStrategy::FixedTimesteps(1)).insert_resource(Time::<
+        Fixed,
+    >::from_hz(
+        60.0
+    ));
+    app.finish();
+    // The first update has no time in it.
+    app.update();
+    app
+}
+
+/// Takes `count` steps.
+pub fn steps(app: &mut App, count: usize) {
+    for _ in 0..count {
+        app.update();
+    }
+}

@@ -8,7 +8,7 @@ use rapier3d::parry::bounding_volume::Aabb;
 use crate::candidates::{Candidate, When, reduce};
 use crate::nearest::{Nearest, nearest};
 use crate::obstacles::{Frame, Obstacle, Obstacles};
-use crate::parts::{visit_parts, way_out};
+use crate::parts::{is_one_sided, visit_parts, way_out};
 use crate::probe::{Finding, Probe};
 
 /// A body as the detection sees it.
@@ -46,13 +46,16 @@ pub struct FreePositions {
 ///
 /// 1. the plane at the part's nearest point, if the gap to the ellipsoid is at most half its smallest radius;
 /// 2. for a particle that moves by more than a tenth of its smallest radius relative to the collider: the plane where it will touch the part in this step;
-/// 3. the plane through which the centre came since it was last free.
+/// 3. the same for the way of the body's fastest particle, which may press this one along;
+/// 4. the plane through which the centre came since it was last free.
 ///
 /// Of all planes of a particle, from all colliders, those hidden behind more urgent ones are dropped, and at most four kept. All arithmetic is relative to the body's origin or in a collider's
 /// own axes.
 #[derive(Debug, Default)]
 pub struct ContactDetector {
     near: Vec<Near>,
+    /// How far the fastest particle will go in the step.
+    rush: Vector,
     candidates: Vec<Candidate>,
 }
 
@@ -141,14 +144,22 @@ impl ContactDetector {
     /// The obstacles that the body's box meets, grown by its motion, into `self.near`.
     fn gather_near(&mut self, body: &DetectionInput, obstacles: &Obstacles, free: &[Vector]) {
         self.near.clear();
+        self.rush = Vector::ZERO;
         let p = body.particles;
+        for i in 0..p.len() {
+            let way = way(body, i);
+            if way.length_squared() > self.rush.length_squared() {
+                self.rush = way;
+            }
+        }
         let (mut mins, mut maxs) = (Vector::INFINITY, Vector::NEG_INFINITY);
         for i in 0..p.len() {
             let reach = (1.0 + SLACK) * p.radii[i].max_element();
             let now = Vector::from(p.position[i]);
             let end = now + way(body, i);
-            mins = mins.min(now.min(end) - reach);
-            maxs = maxs.max(now.max(end) + reach);
+            let rush = now + self.rush;
+            mins = mins.min(now.min(end).min(rush) - reach);
+            maxs = maxs.max(now.max(end).max(rush) + reach);
         }
         for at in free {
             mins = mins.min(*at);
@@ -179,7 +190,13 @@ impl ContactDetector {
             return;
         }
         let reach = Vector::splat(bound + slack);
+        // Not where it goes by itself, but where those that still fly will press it when their body comes down.
+        let rush = Some(now + self.rush).filter(|at| at.distance(end) > slack);
         let (mut mins, mut maxs) = (now.min(end) - reach, now.max(end) + reach);
+        if let Some(at) = rush {
+            mins = mins.min(at - reach);
+            maxs = maxs.max(at + reach);
+        }
         if let Some(at) = free {
             mins = mins.min(at);
             maxs = maxs.max(at);
@@ -194,7 +211,8 @@ impl ContactDetector {
             let local_free = free.map(|at| frame_before.inside(at));
             let probe = Probe {
                 now: local_now,
-                end: (local_now.distance(local_end) > STILL * least && body.dt > 0.0).then_some(local_end),
+                ends: [Some(local_end), rush.map(|at| frame_at_end.inside(at))]
+                    .map(|end| end.filter(|at| at.distance(local_now) > STILL * least && body.dt > 0.0)),
                 free: local_free.filter(|at| at.distance(local_now) > 1e-3 * least),
                 ellipsoid: Ellipsoid { orientation: frame.rotation.inverse() * ellipsoid.orientation, ..ellipsoid },
                 round: bound == least,
@@ -232,7 +250,7 @@ struct Ask<'a> {
 impl Ask<'_> {
     fn collect(&self, mut probe: Probe, out: &mut Vec<Candidate>) {
         let (mut mins, mut maxs) = (probe.now, probe.now);
-        for at in [probe.end, probe.free].into_iter().flatten() {
+        for at in probe.ends.into_iter().chain([probe.free]).flatten() {
             mins = mins.min(at);
             maxs = maxs.max(at);
         }
@@ -242,6 +260,7 @@ impl Ask<'_> {
             return;
         }
         let travelled = probe.free.map_or(0.0, |at| at.distance(probe.now));
+        let one_sided = is_one_sided(self.shape);
         let out_there = way_out(self.shape, probe.now, GROUND * probe.bound + travelled);
         probe.inside = out_there.is_some();
         let mut keep = |when, part, plane: Nearest, turn| {
@@ -269,6 +288,8 @@ impl Ask<'_> {
                     keep(When::Now, part, plane, turn);
                 }
                 Finding::Ahead(time, plane) => keep(When::Later(time), part, plane, rigid),
+                // Through the ground from below is a way out, not in.
+                Finding::Crossed(plane) if one_sided && shape.as_triangle().is_some_and(|t| t.scaled_normal().dot(plane.normal) < 0.0) => {}
                 Finding::Crossed(plane) => keep(When::Crossed, part, plane, rigid),
             });
         });

@@ -39,6 +39,15 @@ pub(crate) fn visit_parts(shape: &dyn Shape, bounds: &Aabb, visit: &mut dyn FnMu
     }
 }
 
+/// Whether `shape` is a surface of triangles of which only the side that their normals point to is a good one.
+pub(crate) fn is_one_sided(shape: &dyn Shape) -> bool {
+    match shape.as_typed_shape() {
+        TypedShape::HeightField(_) => true,
+        TypedShape::TriMesh(mesh) => mesh.flags().contains(TriMeshFlags::ORIENTED),
+        _ => false,
+    }
+}
+
 /// If `at` is on the wrong side of a surface that has only one good side, the plane through which it gets out.
 ///
 /// A height field is solid below, but not all the way down: a point more than `depth` \[m\] below it is taken to be in a cave, under a bridge, on a lower floor. A triangle mesh with

@@ -13,8 +13,8 @@ use crate::touch::nearest_to_ellipsoid;
 pub(crate) struct Probe {
     /// Centre at the start of the step.
     pub(crate) now: Vector,
-    /// Centre at the end, if nothing stops it. `None` if it hardly moves.
-    pub(crate) end: Option<Vector>,
+    /// Where the centre may be at the end: if nothing stops it, and if the fastest part of its body takes it along. `None` if that is hardly elsewhere.
+    pub(crate) ends: [Option<Vector>; 2],
     /// The last place where the centre was known to be on the right side of everything.
     pub(crate) free: Option<Vector>,
     pub(crate) ellipsoid: Ellipsoid,
@@ -45,7 +45,7 @@ impl Probe {
     fn of_part(&self, pose: &Pose) -> Self {
         Self {
             now: pose.inverse_transform_point(self.now),
-            end: self.end.map(|at| pose.inverse_transform_point(at)),
+            ends: self.ends.map(|end| end.map(|at| pose.inverse_transform_point(at))),
             free: self.free.map(|at| pose.inverse_transform_point(at)),
             ellipsoid: Ellipsoid { orientation: pose.rotation.inverse() * self.ellipsoid.orientation, ..self.ellipsoid },
             ..*self
@@ -82,7 +82,7 @@ impl Probe {
         {
             report(Finding::Crossed(back(hit)));
         }
-        let motion = local.end.map_or(0.0, |end| end.distance(local.now));
+        let motion = local.ends.iter().flatten().map(|end| end.distance(local.now)).fold(0.0, f32::max);
         if local.inside || here.distance > local.bound + local.slack + motion {
             return;
         }
@@ -90,12 +90,11 @@ impl Probe {
         if gap <= local.slack {
             report(Finding::Near(back(near)));
         }
-        if let Some(end) = local.end
-            && let Some((time, hit)) =
-                cast(local.now, end, local.tolerance(), |at| Self { now: at, ..local }.touch(shape, nearest(shape, at)))
-            && time > 0.0
-        {
-            report(Finding::Ahead(time, back(hit)));
+        for end in local.ends.into_iter().flatten() {
+            let hit = cast(local.now, end, local.tolerance(), |at| Self { now: at, ..local }.touch(shape, nearest(shape, at)));
+            if let Some((time, hit)) = hit.filter(|(time, _)| *time > 0.0) {
+                report(Finding::Ahead(time, back(hit)));
+            }
         }
     }
 
@@ -120,7 +119,7 @@ mod tests {
         let (bound, least) = (radii.max_element(), radii.min_element());
         Probe {
             now,
-            end: None,
+            ends: [None; 2],
             free: None,
             ellipsoid: Ellipsoid { radii: radii.into(), orientation },
             round: bound == least,
@@ -154,7 +153,7 @@ mod tests {
     #[test]
     fn a_fast_particle_sees_the_surface_on_its_way() {
         let mut p = probe(Vector::new(0.0, 3.0, 0.0), Vector::splat(0.1), Rotation::IDENTITY);
-        p.end = Some(Vector::new(0.0, -3.0, 0.0));
+        p.ends[0] = Some(Vector::new(0.0, -3.0, 0.0));
         let mut hit = None;
         p.ask(&Ball::new(1.0), None, |f| {
             if let Finding::Ahead(time, n) = f {

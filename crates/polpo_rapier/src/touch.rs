@@ -104,7 +104,7 @@ mod tests {
         assert!((0.02..0.034).contains(&gap), "{gap} {found:?}");
     }
 
-    /// Against 20,000 sampled directions, 0.025 rad apart: no plane is nearer than sampling explains; flat shapes find the nearest, round ones almost.
+    /// Near touch, against 20,000 sampled directions, 0.025 rad apart: no plane is nearer than sampling explains; flat shapes find the nearest, round ones almost.
     #[test]
     fn the_nearest_plane_is_found() {
         let points: Vec<Vector> =
@@ -120,9 +120,11 @@ mod tests {
         ];
         for (name, shape, map, allowed) in shapes {
             let mut worst = 0.0f32;
-            for i in 0..100 {
+            let mut tried = 0;
+            for i in 0..300 {
                 let f = i as f32;
                 let out = Vector::new(libm::sinf(f * 1.3), libm::cosf(f * 2.1), libm::sinf(f * 0.7 + 1.0)).normalize();
+                let out = out * (0.5 + 0.1 * (i % 5) as f32);
                 let turn = quat_exp(Vector::new(libm::sinf(f), libm::cosf(f * 1.7), libm::sinf(f * 2.3)).into());
                 let ellipsoid = Ellipsoid { radii: Vector::new(0.4, 0.1, 0.2).into(), orientation: turn };
                 let found = plane(&ellipsoid, out, shape);
@@ -134,9 +136,14 @@ mod tests {
                     let n = Vector::new(r * libm::cosf(a), r * libm::sinf(a), z);
                     largest = largest.max((n.dot(out) - n.dot(map.local_support_point(n))) / support(&ellipsoid, n));
                 }
-                assert!(nearness < largest + 0.03 * largest.abs() + 1e-2, "{name} {i}: {nearness} against {largest}");
-                worst = worst.max(largest - nearness);
+                // Far away and deep inside the plane is not asked for, or does not matter so much.
+                if (0.8..1.3).contains(&largest) {
+                    assert!(nearness < largest + 0.03, "{name} {i}: {nearness} against {largest}");
+                    worst = worst.max(largest - nearness);
+                    tried += 1;
+                }
             }
+            assert!(tried > 20, "{name}: {tried}");
             assert!(worst < allowed, "{name}: falls short by {worst}");
         }
     }

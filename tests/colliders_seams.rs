@@ -104,6 +104,27 @@ fn ten_kilometres_out_is_like_home() {
     }
 }
 
+/// A floor whose place in the world, ten kilometres up, no float can hold: the sum of its body's place and its own offset would be rounded by a quarter of a millimetre.
+#[test]
+fn an_offset_is_not_lost_far_out() {
+    let high = 8192.0;
+    let mut lab = Lab::new();
+    {
+        let mut rapier = lab.rapier();
+        let rapier = &mut *rapier;
+        let rock = rapier.bodies.insert(RigidBodyBuilder::fixed().translation(Vec3::Y * high));
+        rapier.colliders.insert_with_parent(
+            ColliderBuilder::cuboid(1.0, 0.5, 1.0).translation(Vec3::Y * -0.50025),
+            rock,
+            &mut rapier.bodies,
+        );
+    }
+    let body = lab.spawn(ball(), Vec3::Y * (high + 0.125), Vec3::ZERO);
+    lab.steps(120);
+    let above = (lab.origin(body).y - high) + lab.particles(body).position[0].y;
+    assert!((above - (0.1 - 0.00025)).abs() < 2e-5, "rests {above} m up");
+}
+
 #[test]
 fn the_same_bits_twice() {
     let run = || {

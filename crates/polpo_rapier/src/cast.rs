@@ -6,18 +6,24 @@ use crate::nearest::Nearest;
 
 /// When, as a share of the way, and where something on its way from `from` to `to` comes within `tolerance` \[m\] of a convex shape; `None` if it does not.
 ///
-/// `look` gives, for a place of the moving thing, a plane with the shape behind it, and the gap between that plane and the thing.
+/// `look` gives, for a place of the moving thing, a plane with the shape behind it, and the gap between that plane and the thing; `first` is what it gives for `from`.
 ///
 /// *Conservative advancement.* Nothing touches the shape before the thing crosses the plane (p, n): with gap g and approach −n·(to − from) it may go on by g/(−n·(to − from)) of the way. On a flat
 /// face this arrives in one step, on a round one in a few. The step stops half a tolerance short of the plane, so that rounding never puts it on the other side, where a triangle would show its back.
 /// A path that leaves, n·(to − from) ≥ 0, never touches.
 ///
 /// A path that begins within the tolerance touches at 0. One that grazes the shape for more than 32 steps is taken to miss it.
-pub(crate) fn cast(from: Vector, to: Vector, tolerance: f32, look: impl Fn(Vector) -> (f32, Nearest)) -> Option<(f32, Nearest)> {
+pub(crate) fn cast(
+    from: Vector,
+    to: Vector,
+    tolerance: f32,
+    first: (f32, Nearest),
+    look: impl Fn(Vector) -> (f32, Nearest),
+) -> Option<(f32, Nearest)> {
     let motion = to - from;
     let mut time = 0.0;
+    let (mut gap, mut here) = first;
     for _ in 0..32 {
-        let (gap, here) = look(from + motion * time);
         if gap <= tolerance {
             return here.is_finite().then_some((time, here));
         }
@@ -29,6 +35,7 @@ pub(crate) fn cast(from: Vector, to: Vector, tolerance: f32, look: impl Fn(Vecto
         if time > 1.0 || time.is_nan() {
             return None;
         }
+        (gap, here) = look(from + motion * time);
     }
     None
 }
@@ -43,10 +50,11 @@ mod tests {
 
     /// A sphere of `radius` on its way.
     fn sphere(shape: &dyn Shape, radius: f32, from: Vector, to: Vector) -> Option<(f32, Nearest)> {
-        cast(from, to, E, |at| {
+        let look = |at| {
             let here = nearest(shape, at);
             (here.distance - radius, here)
-        })
+        };
+        cast(from, to, E, look(from), look)
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub struct FreePositions {
 ///
 /// For each particle and each convex part of a collider near it (a triangle, a box of a compound):
 ///
-/// 1. the plane at the part's nearest point, if the gap to the ellipsoid is at most half its smallest radius;
+/// 1. the plane at the part's nearest point, if the gap to the ellipsoid is at most half its largest radius;
 /// 2. for a particle that moves by more than a tenth of its smallest radius relative to the collider: the plane where it will touch the part in this step;
 /// 3. the same for the way of the body's fastest particle, which may press this one along;
 /// 4. the plane through which the centre came since it was last free.
@@ -66,7 +66,7 @@ struct Near {
     frames: [Frame; 3],
 }
 
-/// Gaps up to this share of the smallest radius count as near. Wider, and the plane at an edge becomes a ghost wall beside it; narrower, and neighbours push particles in before it is seen.
+/// Gaps up to this share of the largest radius count as near. Wider, and the plane at an edge becomes a ghost wall beside it; narrower, and neighbours push particles in before it is seen.
 const SLACK: f32 = 0.5;
 /// Motion of less than this share of the smallest radius in a step is not swept.
 const STILL: f32 = 0.1;
@@ -101,7 +101,7 @@ impl ContactDetector {
             return;
         }
         for i in 0..p.len() {
-            self.find(body, i, obstacles, colliders, Some(free.position[i]), SLACK * p.radii[i].min_element());
+            self.find(body, i, obstacles, colliders, Some(free.position[i]));
             let now = Vector::from(p.position[i]);
             free.position[i] = match self.candidates.first() {
                 // Not where it came from but above where it is now: it may slide on under the surface, past other triangles.
@@ -131,7 +131,7 @@ impl ContactDetector {
         if !self.near.is_empty() {
             for i in 0..body.particles.len() {
                 // With the slack of the detection: a plane just out of reach hides others too.
-                self.find(body, i, obstacles, colliders, None, SLACK * body.particles.radii[i].min_element());
+                self.find(body, i, obstacles, colliders, None);
                 let ellipsoid = body.particles.ellipsoid(i);
                 for found in &self.candidates {
                     deepest = deepest.max(ellipsoid.support(found.normal.into()).0 - found.distance);
@@ -179,13 +179,14 @@ impl ContactDetector {
     }
 
     /// The planes of particle `i`, reduced, into `self.candidates`.
-    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vector>, slack: f32) {
+    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vector>) {
         self.candidates.clear();
         let p = body.particles;
         let now = Vector::from(p.position[i]);
         let end = now + way(body, i);
         let ellipsoid = p.ellipsoid(i);
         let (bound, least) = (ellipsoid.bound(), ellipsoid.radii.min_element());
+        let slack = SLACK * bound;
         if !(end.is_finite() && ellipsoid.orientation.is_finite()) {
             return;
         }

@@ -6,10 +6,13 @@ use rapier3d::parry::bounding_volume::Aabb;
 
 use crate::nearest::Nearest;
 
-/// Calls `visit` with every convex part of `shape` whose bounds meet `bounds`: its number, its pose in the shape's axes, and itself. A shape that is convex has one part, itself.
+/// Takes a part's number, its pose in the axes of the whole (`None`: the same), and the part.
+pub(crate) type VisitPart<'a> = dyn FnMut(u32, Option<&Pose>, &dyn Shape) + 'a;
+
+/// Calls `visit` with every convex part of `shape` whose bounds meet `bounds`. A shape that is convex has one part, itself.
 ///
 /// The order depends on the shape alone.
-pub(crate) fn visit_parts(shape: &dyn Shape, bounds: &Aabb, visit: &mut dyn FnMut(u32, Option<&Pose>, &dyn Shape)) {
+pub(crate) fn visit_parts(shape: &dyn Shape, bounds: &Aabb, visit: &mut VisitPart) {
     match shape.as_typed_shape() {
         TypedShape::HeightField(field) => {
             field.map_elements_in_local_aabb(bounds, &mut |part, triangle| visit(part, None, triangle));

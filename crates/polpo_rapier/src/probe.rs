@@ -74,13 +74,16 @@ impl Probe {
         }
         if let Some(free) = local.free
             && here.distance < free.distance(local.now)
-            && let Some((_, hit)) = cast(free, local.now, local.tolerance(), |at| {
+        {
+            let look = |at| {
                 let there = nearest(shape, at);
                 (there.distance, there)
-            })
-            && hit.normal.dot(local.now - hit.point) < 0.0
-        {
-            report(Finding::Crossed(back(hit)));
+            };
+            if let Some((_, hit)) = cast(free, local.now, local.tolerance(), look(free), look)
+                && hit.normal.dot(local.now - hit.point) < 0.0
+            {
+                report(Finding::Crossed(back(hit)));
+            }
         }
         let motion = local.ends.iter().flatten().map(|end| end.distance(local.now)).fold(0.0, f32::max);
         if local.inside || here.distance > local.bound + local.slack + motion {
@@ -91,7 +94,8 @@ impl Probe {
             report(Finding::Near(back(near)));
         }
         for end in local.ends.into_iter().flatten() {
-            let hit = cast(local.now, end, local.tolerance(), |at| Self { now: at, ..local }.touch(shape, nearest(shape, at)));
+            let look = |at| Self { now: at, ..local }.touch(shape, nearest(shape, at));
+            let hit = cast(local.now, end, local.tolerance(), (gap, near), look);
             if let Some((time, hit)) = hit.filter(|(time, _)| *time > 0.0) {
                 report(Finding::Ahead(time, back(hit)));
             }
@@ -125,7 +129,7 @@ mod tests {
             round: bound == least,
             bound,
             least,
-            slack: 0.5 * least,
+            slack: 0.5 * bound,
             inside: false,
         }
     }

@@ -12,8 +12,11 @@ use crate::nearest::{Nearest, nearest, nearest_on_triangle, visit_faces};
 
 /// The plane between `shape` and the ellipsoid about `center`; `by_center` is the place of the shape nearest to the centre.
 pub(crate) fn nearest_to_ellipsoid(ellipsoid: &Ellipsoid, center: Vector, shape: &dyn Shape, by_center: Nearest) -> Nearest {
-    if let TypedShape::Triangle(triangle) = shape.as_typed_shape() {
-        return on_triangle(ellipsoid, center, triangle).1;
+    match shape.as_typed_shape() {
+        TypedShape::Triangle(triangle) => return on_triangle(ellipsoid, center, triangle).1,
+        // A triangle that has collapsed.
+        TypedShape::Segment(segment) => return on_triangle(ellipsoid, center, &Triangle::new(segment.a, segment.b, segment.b)).1,
+        _ => {}
     }
     let mut inside = (f32::NEG_INFINITY, by_center);
     let mut outside = (f32::INFINITY, by_center);
@@ -104,7 +107,7 @@ mod tests {
         assert!((0.02..0.034).contains(&gap), "{gap} {found:?}");
     }
 
-    /// Near touch, against 20,000 sampled directions, 0.025 rad apart: no plane is nearer than sampling explains; flat shapes find the nearest, round ones almost.
+    /// Near touch: the whole shape is behind the plane, and of 20,000 sampled directions none is nearer by much; for flat shapes none at all.
     #[test]
     fn the_nearest_plane_is_found() {
         let points: Vec<Vector> =
@@ -138,7 +141,8 @@ mod tests {
                 }
                 // Far away and deep inside the plane is not asked for, or does not matter so much.
                 if (0.8..1.3).contains(&largest) {
-                    assert!(nearness < largest + 0.03, "{name} {i}: {nearness} against {largest}");
+                    let behind = found.normal.dot(map.local_support_point(found.normal) - found.point);
+                    assert!(behind < 1e-4, "{name} {i}: {behind} m of it are before the plane");
                     worst = worst.max(largest - nearness);
                     tried += 1;
                 }

@@ -10,14 +10,14 @@ use crate::{Frozen, Particles, SubstepTime};
 pub struct Damping {
     /// Of all velocity \[1/s\], as in air or water. Range 0 (none) to infinity; default 0. Negative and NaN count as 0.
     pub drag: f32,
-    /// Of the motion inside the body \[1/s\]: what differs from its rigid flight and spin, which are left alone. Range 0 (wobbles for ever) to infinity (stiffens); default 2. Negative and
+    /// Of the motion inside the body \[1/s\]: what differs from its rigid flight and spin, which are left alone. Range 0 (wobbles for ever) to infinity (stiffens); default 4. Negative and
     /// NaN count as 0.
     pub internal: f32,
 }
 
 impl Default for Damping {
     fn default() -> Self {
-        Self { drag: 0.0, internal: 2.0 }
+        Self { drag: 0.0, internal: 4.0 }
     }
 }
 

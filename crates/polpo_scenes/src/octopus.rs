@@ -40,8 +40,8 @@ const WIDTH: f32 = 4.6;
 /// Where the bar turns, at the foot of the stairs.
 const PIVOT: Vec3 = Vec3::new(2.35, 0.2, 0.0);
 /// The bar turns until it has swept the foot of the stairs twice, then slows down and stands \[s\].
-const SLOW_FROM: f32 = 3.6;
-const STANDS_FROM: f32 = 4.6;
+const SLOW_FROM: f32 = 2.8;
+const STANDS_FROM: f32 = 3.6;
 /// \[rad/s\]
 const TURNING: f32 = 1.9;
 
@@ -51,7 +51,7 @@ struct Bar(RigidBodyHandle);
 impl Plugin for OctopusScene {
     fn build(&self, app: &mut App) {
         let (count, seed) = (self.count, self.seed);
-        app.insert_resource(View { eye: Vec3::new(5.6, 2.9, 5.0), target: Vec3::new(0.55, 0.62, 0.0) })
+        app.insert_resource(View { eye: Vec3::new(4.7, 2.55, 4.1), target: Vec3::new(0.45, 0.55, 0.0) })
             .add_systems(Startup, build_stairs)
             .add_systems(Startup, move |commands: Commands| spawn_octopuses(commands, count, seed))
             .add_systems(FixedUpdate, turn_bar);
@@ -60,15 +60,15 @@ impl Plugin for OctopusScene {
 
 fn build_stairs(mut commands: Commands, mut world: ResMut<RapierWorld>) {
     let floor = ColliderBuilder::halfspace(Unit::new_unchecked(Vec3::Y)).friction(0.7);
-    spawn_prop(&mut commands, &mut world, floor, None, Color::srgb(0.80, 0.78, 0.74));
+    spawn_prop(&mut commands, &mut world, floor, None, Color::srgb(0.33, 0.42, 0.45));
     for step in 0..STEPS {
         // From the lowest, whose front edge is at x = 1, up and to the left.
         let top = RISE * (step + 1) as f32;
         let depth = TREAD * (STEPS - step) as f32;
         let x = 1.0 - TREAD * STEPS as f32 + 0.5 * depth;
         let block =
-            ColliderBuilder::cuboid(0.5 * depth, 0.5 * RISE, 0.5 * WIDTH).translation(Vec3::new(x, top - 0.5 * RISE, 0.0)).friction(0.45);
-        let shade = 0.52 + 0.045 * step as f32;
+            ColliderBuilder::cuboid(0.5 * depth, 0.5 * RISE, 0.5 * WIDTH).translation(Vec3::new(x, top - 0.5 * RISE, 0.0)).friction(0.55);
+        let shade = 0.50 + 0.05 * step as f32;
         spawn_prop(&mut commands, &mut world, block, None, Color::srgb(shade, shade * 0.93, shade * 0.82));
     }
     let body = world.bodies.insert(RigidBodyBuilder::kinematic_velocity_based().translation(PIVOT).angvel(Vec3::Y * TURNING));
@@ -97,13 +97,18 @@ fn spawn_octopuses(mut commands: Commands, count: usize, seed: u64) {
         let height = RISE * STEPS as f32 + 0.75 + 1.1 * layer as f32 + 0.25 * lane as f32;
         let position = Vec3::new(-1.55 + 0.35 * noise.signed(), height, z);
         let turn = Quat::from_euler(EulerRot::YXZ, 3.0 * noise.signed(), 0.5 * noise.signed(), 0.5 * noise.signed());
+        // Some take all the stairs, some stay on them.
+        let speed = [2.6, 0.5, 1.5][index % 3];
         let tint = [Color::WHITE, Color::srgb(1.0, 0.80, 0.62), Color::srgb(0.86, 0.72, 1.0)][index % 3];
         commands.spawn((
             Name::new(format!("octopus {index}")),
             SoftBody::new(rig.clone()),
             Outfit { mesh: mesh.clone(), color: tint },
             Transform::from_translation(position).with_rotation(turn),
-            InitialVelocity { linear: Vec3::new(2.3 + 0.4 * noise.signed(), 0.0, 0.0), angular: Vec3::new(0.0, noise.signed(), -2.0) },
+            InitialVelocity {
+                linear: Vec3::new(speed + 0.2 * noise.signed(), 0.0, 0.0),
+                angular: Vec3::new(0.0, noise.signed(), -0.8 * speed),
+            },
         ));
     }
 }

@@ -59,6 +59,7 @@ pub(crate) fn follow_colliders(world: Res<RapierWorld>, mut props: Query<(&Prop,
 }
 
 fn mesh_of(shape: TypedShape<'_>) -> Option<Mesh> {
+    let smooth = matches!(shape, TypedShape::Capsule(_));
     let (vertices, triangles) = match shape {
         TypedShape::Ball(ball) => return Some(Sphere::new(ball.radius).mesh().uv(48, 24)),
         TypedShape::Cuboid(cuboid) => {
@@ -66,9 +67,9 @@ fn mesh_of(shape: TypedShape<'_>) -> Option<Mesh> {
             return Some(Cuboid::new(2.0 * h.x, 2.0 * h.y, 2.0 * h.z).into());
         }
         TypedShape::Cylinder(c) => return Some(Cylinder::new(c.radius, 2.0 * c.half_height).mesh().resolution(64).build()),
-        TypedShape::Capsule(c) => return Some(Capsule3d::new(c.radius, 2.0 * c.half_height()).into()),
+        TypedShape::Capsule(capsule) => capsule.to_trimesh(48, 16),
         // A half-space has no end; a large square of it is shown.
-        TypedShape::HalfSpace(plane) => return Some(Plane3d::new(plane.normal, Vec2::splat(60.0)).into()),
+        TypedShape::HalfSpace(plane) => return Some(Plane3d::new(plane.normal, Vec2::splat(300.0)).into()),
         TypedShape::TriMesh(mesh) => (mesh.vertices().to_vec(), mesh.indices().to_vec()),
         TypedShape::HeightField(field) => field.to_trimesh(),
         TypedShape::ConvexPolyhedron(hull) => hull.to_trimesh(),
@@ -79,7 +80,11 @@ fn mesh_of(shape: TypedShape<'_>) -> Option<Mesh> {
     let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
         .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
         .with_inserted_indices(Indices::U32(indices));
-    mesh.duplicate_vertices();
-    mesh.compute_flat_normals();
+    if smooth {
+        mesh.compute_smooth_normals();
+    } else {
+        mesh.duplicate_vertices();
+        mesh.compute_flat_normals();
+    }
     Some(mesh)
 }

@@ -17,7 +17,7 @@ struct Arguments {
     /// Edges wanted.
     #[arg(long, default_value_t = 750)]
     edges: usize,
-    /// Largest side of the body in the scene [m].
+    /// Largest side of the body in the scene, in metres.
     #[arg(long, default_value_t = 1.0)]
     size: f32,
     #[command(flatten)]

@@ -10,15 +10,15 @@ use polpo_rig::{MeshHash, Particle, Rig};
 use rapier3d::geometry::{Array2, ColliderBuilder};
 use rapier3d::math::Vector;
 
-pub const DT: f32 = 1.0 / 60.0;
+pub(crate) const DT: f32 = 1.0 / 60.0;
 
 /// A world that is stepped by hand, 60 times a second.
-pub struct Lab {
+pub(crate) struct Lab {
     pub app: App,
 }
 
 impl Lab {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, PolpoPlugin::default(), PolpoRapierPlugin::default()));
         app.finish();
@@ -26,16 +26,16 @@ impl Lab {
         Self { app }
     }
 
-    pub fn rapier(&mut self) -> Mut<'_, RapierWorld> {
+    pub(crate) fn rapier(&mut self) -> Mut<'_, RapierWorld> {
         self.app.world_mut().resource_mut::<RapierWorld>()
     }
 
     /// A body of `particles` moving at `velocity`.
-    pub fn spawn(&mut self, rig: Rig, at: Vec3, velocity: Vec3) -> Entity {
+    pub(crate) fn spawn(&mut self, rig: Rig, at: Vec3, velocity: Vec3) -> Entity {
         self.spawn_with(rig, Transform::from_translation(at), velocity, ())
     }
 
-    pub fn spawn_with(&mut self, rig: Rig, at: Transform, velocity: Vec3, extra: impl Bundle) -> Entity {
+    pub(crate) fn spawn_with(&mut self, rig: Rig, at: Transform, velocity: Vec3, extra: impl Bundle) -> Entity {
         let world = self.app.world_mut();
         let body = world.spawn((SoftBody::new(rig), at, extra)).id();
         world.flush();
@@ -46,71 +46,71 @@ impl Lab {
         body
     }
 
-    pub fn step(&mut self) {
+    pub(crate) fn step(&mut self) {
         let world = self.app.world_mut();
         world.resource_mut::<Time>().advance_by(Duration::from_secs_f32(DT));
         world.run_schedule(FixedPostUpdate);
     }
 
-    pub fn steps(&mut self, n: usize) {
+    pub(crate) fn steps(&mut self, n: usize) {
         for _ in 0..n {
             self.step();
         }
     }
 
-    pub fn particles(&self, body: Entity) -> &Particles {
+    pub(crate) fn particles(&self, body: Entity) -> &Particles {
         self.app.world().get::<Particles>(body).expect("a body")
     }
 
-    pub fn origin(&self, body: Entity) -> Vec3 {
+    pub(crate) fn origin(&self, body: Entity) -> Vec3 {
         self.app.world().get::<Transform>(body).expect("a body").translation
     }
 
     /// Centre of particle `i` in the world.
-    pub fn center(&self, body: Entity, i: usize) -> Vec3 {
+    pub(crate) fn center(&self, body: Entity, i: usize) -> Vec3 {
         self.origin(body) + Vec3::from(self.particles(body).position[i])
     }
 
-    pub fn velocity(&self, body: Entity, i: usize) -> Vec3 {
+    pub(crate) fn velocity(&self, body: Entity, i: usize) -> Vec3 {
         self.particles(body).velocity[i].into()
     }
 
     /// How far particle `i` reaches down.
-    pub fn reach_down(&self, body: Entity, i: usize) -> f32 {
-        self.particles(body).ellipsoid(i).support(bevy::math::Vec3A::NEG_Y).0
+    pub(crate) fn reach_down(&self, body: Entity, i: usize) -> f32 {
+        self.particles(body).ellipsoid(i).support(Vec3A::NEG_Y).0
     }
 
     /// Lowest centre of the body.
-    pub fn lowest(&self, body: Entity) -> f32 {
+    pub(crate) fn lowest(&self, body: Entity) -> f32 {
         (0..self.particles(body).len()).map(|i| self.center(body, i).y).fold(f32::INFINITY, f32::min)
     }
 
-    pub fn penetration(&self, body: Entity) -> f32 {
+    pub(crate) fn penetration(&self, body: Entity) -> f32 {
         let rapier = self.app.world().resource::<RapierWorld>();
         polpo_rapier::penetration(self.particles(body), self.origin(body), &rapier.bodies, &rapier.colliders)
     }
 }
 
-pub fn particle(position: Vec3, radii: Vec3) -> Particle {
+pub(crate) fn particle(position: Vec3, radii: Vec3) -> Particle {
     Particle { position, frame: Quat::IDENTITY, radii, mass: 1.0 }
 }
 
 /// One particle alone.
-pub fn single(radii: Vec3) -> Rig {
+pub(crate) fn single(radii: Vec3) -> Rig {
     Rig { mesh_hash: MeshHash(0), particles: vec![particle(Vec3::ZERO, radii)], edges: vec![], skin: vec![] }
 }
 
-pub fn ball() -> Rig {
+pub(crate) fn ball() -> Rig {
     single(Vec3::splat(0.1))
 }
 
 /// Four times as long as wide, lying along z.
-pub fn long() -> Rig {
+pub(crate) fn long() -> Rig {
     single(Vec3::new(0.05, 0.05, 0.2))
 }
 
 /// `n`³ balls 0.2 m apart with radius 0.1 m, joined along edges and diagonals.
-pub fn lattice(n: usize) -> Rig {
+pub(crate) fn lattice(n: usize) -> Rig {
     let mut particles = Vec::new();
     for i in 0..n * n * n {
         let cell = Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32);
@@ -128,7 +128,7 @@ pub fn lattice(n: usize) -> Rig {
 }
 
 /// A floor at height 0 from `−half` to `half`, `n` squares of two triangles each a side, shifted so that seams do not fall on the axes.
-pub fn flat_mesh(half: f32, n: usize) -> ColliderBuilder {
+pub(crate) fn flat_mesh(half: f32, n: usize) -> ColliderBuilder {
     let at = |i: usize| half * (2.0 * i as f32 / n as f32 - 1.0) + if n > 2 { 0.013 } else { 0.0 };
     let mut points = Vec::new();
     for z in 0..=n {
@@ -147,7 +147,7 @@ pub fn flat_mesh(half: f32, n: usize) -> ColliderBuilder {
 }
 
 /// A height field of `n` by `n` cells and size `size`, height `height(x, z)`.
-pub fn ground(size: f32, n: usize, height: impl Fn(f32, f32) -> f32) -> ColliderBuilder {
+pub(crate) fn ground(size: f32, n: usize, height: impl Fn(f32, f32) -> f32) -> ColliderBuilder {
     let at = |i: usize| size * (i as f32 / n as f32 - 0.5);
     let mut heights = Array2::zeros(n + 1, n + 1);
     for row in 0..=n {

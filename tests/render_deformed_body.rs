@@ -57,7 +57,7 @@ impl Scene {
     fn is_red(&self, image: &Handle<Image>, x: f32, y: f32) -> bool {
         let [column, row] = [x, y].map(|at| (at * PICTURE as f32) as usize);
         let [r, g, b, _] = picture(&self.app, image)[row * PICTURE as usize + column];
-        assert!((r > 250 || r < 5) && g < 5 && b < 5, "pixel {r} {g} {b} is neither red nor black");
+        assert!(!(5..=250).contains(&r) && g < 5 && b < 5, "pixel {r} {g} {b} is neither red nor black");
         r > 250
     }
 }

@@ -67,7 +67,7 @@ fn the_step_runs_in_any_schedule() {
     app.finish();
     let body = app.world_mut().spawn(SoftBody::new(lattice(0.1))).id();
     app.update();
-    assert_eq!(app.world().get::<Transform>(body).unwrap().translation.y, 0.0);
+    assert!(app.world().get::<Transform>(body).unwrap().translation.y.abs() < 1e-6, "nothing steps by itself");
     app.world_mut().resource_mut::<Time>().advance_by(std::time::Duration::from_millis(20));
     for _ in 0..10 {
         app.world_mut().run_schedule(ByHand);

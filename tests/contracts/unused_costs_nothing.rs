@@ -1,6 +1,5 @@
 //! What a body does not have is neither stored nor run.
 
-use bevy::prelude::*;
 use polpo::prelude::*;
 use polpo::{Contacts, Edges, ImplicitGroups, Particles};
 use polpo_tests::{lattice, simulation, steps};

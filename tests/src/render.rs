@@ -192,11 +192,10 @@ fn nearest_four(position: Vec3, centers: &[Vec3]) -> Influences {
     let mut order: Vec<u32> = (0..centers.len() as u32).collect();
     let distance = |i: u32| centers[i as usize].distance(position);
     order.sort_by(|&a, &b| distance(a).total_cmp(&distance(b)));
-    let count = order.len().min(4);
     let mut influences = Influences { particles: [order[0]; 4], weights: [0.0; 4] };
-    for slot in 0..count {
-        influences.particles[slot] = order[slot];
-        influences.weights[slot] = 1.0 / (0.05 + distance(order[slot]));
+    for (slot, &particle) in order.iter().take(4).enumerate() {
+        influences.particles[slot] = particle;
+        influences.weights[slot] = 1.0 / (0.05 + distance(particle));
     }
     let sum: f32 = influences.weights.iter().sum();
     influences.weights = influences.weights.map(|weight| weight / sum);

@@ -91,7 +91,6 @@ fn follow_origin(mut bodies: Query<(&StepStart, &mut ContactMemory), Without<Fro
     }
 }
 
-#[expect(clippy::type_complexity, reason = "a Bevy query")]
 fn detect_contacts(
     time: Res<Time>,
     gravity: Res<Gravity>,

@@ -36,6 +36,8 @@ pub struct OctopusScene {
 const STEPS: usize = 6;
 const RISE: f32 = 0.26;
 const TREAD: f32 = 0.62;
+/// The topmost step is deeper by this.
+const LANDING: f32 = 1.2;
 const WIDTH: f32 = 4.6;
 /// Where the bar turns, at the foot of the stairs.
 const PIVOT: Vec3 = Vec3::new(2.35, 0.2, 0.0);
@@ -51,7 +53,7 @@ struct Bar(RigidBodyHandle);
 impl Plugin for OctopusScene {
     fn build(&self, app: &mut App) {
         let (count, seed) = (self.count, self.seed);
-        app.insert_resource(View { eye: Vec3::new(4.7, 2.55, 4.1), target: Vec3::new(0.45, 0.55, 0.0) })
+        app.insert_resource(View { eye: Vec3::new(4.5, 2.6, 4.9), target: Vec3::new(0.45, 0.42, 0.35) })
             .add_systems(Startup, build_stairs)
             .add_systems(Startup, move |commands: Commands| spawn_octopuses(commands, count, seed))
             .add_systems(FixedUpdate, turn_bar);
@@ -64,8 +66,8 @@ fn build_stairs(mut commands: Commands, mut world: ResMut<RapierWorld>) {
     for step in 0..STEPS {
         // From the lowest, whose front edge is at x = 1, up and to the left.
         let top = RISE * (step + 1) as f32;
-        let depth = TREAD * (STEPS - step) as f32;
-        let x = 1.0 - TREAD * STEPS as f32 + 0.5 * depth;
+        let depth = TREAD * (STEPS - step) as f32 + LANDING;
+        let x = 1.0 - TREAD * STEPS as f32 - LANDING + 0.5 * depth;
         let block =
             ColliderBuilder::cuboid(0.5 * depth, 0.5 * RISE, 0.5 * WIDTH).translation(Vec3::new(x, top - 0.5 * RISE, 0.0)).friction(0.55);
         let shade = 0.50 + 0.05 * step as f32;
@@ -95,10 +97,10 @@ fn spawn_octopuses(mut commands: Commands, count: usize, seed: u64) {
         let (layer, lane) = (index / lanes, index % lanes);
         let z = (lane as f32 - 0.5 * (lanes - 1) as f32) * 1.45;
         let height = RISE * STEPS as f32 + 0.75 + 1.1 * layer as f32 + 0.25 * lane as f32;
-        let position = Vec3::new(-1.55 + 0.35 * noise.signed(), height, z);
+        let position = Vec3::new(-2.5 + 0.3 * noise.signed(), height, z);
         let turn = Quat::from_euler(EulerRot::YXZ, 3.0 * noise.signed(), 0.5 * noise.signed(), 0.5 * noise.signed());
         // Some take all the stairs, some stay on them.
-        let speed = [2.6, 0.5, 1.5][index % 3];
+        let speed = [3.4, 0.1, 2.2][index % 3];
         let tint = [Color::WHITE, Color::srgb(1.0, 0.80, 0.62), Color::srgb(0.86, 0.72, 1.0)][index % 3];
         commands.spawn((
             Name::new(format!("octopus {index}")),

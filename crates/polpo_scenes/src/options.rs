@@ -10,7 +10,7 @@ pub struct Options {
     /// Without a window: simulate as fast as the machine can, print timings, exit.
     #[arg(long)]
     pub headless: bool,
-    /// Simulated time after which the example exits [s]; 6 without a window, for ever with one.
+    /// Simulated time after which the example exits, in seconds; 6 without a window, for ever with one.
     #[arg(long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f32>,
     /// How many bodies; the scene has a number of its own.

@@ -46,7 +46,7 @@ impl Pictures {
 
     /// The file for the frame at `step`, if one is due.
     pub(crate) fn due(&mut self, step: u64) -> Option<PathBuf> {
-        let folder = self.frames.as_ref().filter(|_| step % self.every == 0)?;
+        let folder = self.frames.as_ref().filter(|_| step.is_multiple_of(self.every))?;
         let path = folder.join(format!("{:05}.png", self.taken));
         self.taken += 1;
         Some(path)

@@ -57,6 +57,7 @@ pub(crate) struct SceneCamera;
 pub(crate) fn place_camera(mut commands: Commands, view: Res<View>) {
     commands.spawn((
         SceneCamera,
+        IsDefaultUiCamera,
         Camera3d::default(),
         // The sky goes through the same tone mapping as what stands before it.
         Hdr,

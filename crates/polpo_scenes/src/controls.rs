@@ -4,7 +4,7 @@ use bevy::app::FixedMain;
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 use bevy_panorbit_camera::PanOrbitCamera;
-use polpo::render::{PolpoGizmos, PolpoGizmosPlugin};
+use polpo::render::{PolpoGizmoGroup, PolpoGizmos, PolpoGizmosPlugin};
 use polpo::{Grab, Particles};
 
 use crate::overlay::ShowTimings;
@@ -15,8 +15,15 @@ pub(crate) struct ControlsPlugin;
 
 impl Plugin for ControlsPlugin {
     fn build(&self, app: &mut App) {
-        app.add_plugins(PolpoGizmosPlugin).add_systems(Update, (press_keys, grab_with_mouse));
+        app.add_plugins(PolpoGizmosPlugin).add_systems(Startup, draw_through).add_systems(Update, (press_keys, grab_with_mouse));
     }
+}
+
+/// Particles and edges are inside the mesh: they are drawn over it.
+fn draw_through(mut store: ResMut<GizmoConfigStore>) {
+    let (config, _) = store.config_mut::<PolpoGizmoGroup>();
+    config.depth_bias = -1.0;
+    config.line.width = 1.5;
 }
 
 fn press_keys(
@@ -60,7 +67,7 @@ fn step_once(world: &mut World) {
 }
 
 /// How strongly the mouse pulls \[Hz\].
-const HAND: f32 = 6.0;
+const HAND: f32 = 30.0;
 
 /// What the mouse holds.
 struct Held {

@@ -88,3 +88,25 @@ fn moving_the_transform_moves_the_body() {
     assert!(world.get::<Transform>(body).unwrap().translation.distance(Vec3::X * 100.0) < 1e-4);
     assert!(world.get::<Particles>(body).unwrap().velocity.iter().all(|v| v.length() < 1e-3));
 }
+
+#[test]
+fn a_hand_lifts_an_octopus_by_one_particle() {
+    let mut app = simulation();
+    let (_, rig) = polpo_scenes::octopus_asset();
+    let body = app.world_mut().spawn(SoftBody::new(rig)).id();
+    let top = {
+        let x = &app.world().get::<Particles>(body).unwrap().position;
+        (0..x.len()).max_by(|&a, &b| x[a].y.total_cmp(&x[b].y)).unwrap()
+    };
+    let origin = app.world().get::<Transform>(body).unwrap().translation;
+    let target = origin + Vec3::from(app.world().get::<Particles>(body).unwrap().position[top]) + Vec3::Y * 0.5;
+    app.world_mut().entity_mut(body).insert(Grab { particle: top as u32, target, frequency: 30.0 });
+    steps(&mut app, 240);
+    // Held by its top in mid-air, it hangs below the hand instead of falling 78 m.
+    let held =
+        app.world().get::<Transform>(body).unwrap().translation + Vec3::from(app.world().get::<Particles>(body).unwrap().position[top]);
+    assert!(held.distance(target) < 0.3, "{held} is not at {target}");
+    app.world_mut().entity_mut(body).remove::<Grab>();
+    steps(&mut app, 30);
+    assert!(app.world().get::<Transform>(body).unwrap().translation.y < target.y - 1.0, "let go, it falls");
+}

@@ -91,11 +91,11 @@ fn nonsense_parameters_do_not_panic() {
             .world_mut()
             .spawn((
                 SoftBody::new(lattice(0.1)),
-                ShapeMatching { frequency: value },
-                DistanceConstraints { frequency: value },
-                Torsion { frequency: value },
+                ShapeMatching::new(Stiffness::damped(value, value)),
+                DistanceConstraints { tension: Stiffness::damped(value, value), compression: Stiffness::Fraction(value) },
+                Torsion::new(Stiffness::damped(value, value)),
                 Damping { drag: value, internal: value },
-                Grab { particle: 1_000_000, target: Vec3::splat(value), frequency: value },
+                Grab { particle: 1_000_000, target: Vec3::splat(value), stiffness: Stiffness::hertz(value) },
                 Collision { friction: value, push_speed: value, ..default() },
             ))
             .id();

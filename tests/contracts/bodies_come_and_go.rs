@@ -100,7 +100,7 @@ fn a_hand_lifts_an_octopus_by_one_particle() {
     };
     let origin = app.world().get::<Transform>(body).unwrap().translation;
     let target = origin + Vec3::from(app.world().get::<Particles>(body).unwrap().position[top]) + Vec3::Y * 0.5;
-    app.world_mut().entity_mut(body).insert(Grab { particle: top as u32, target, frequency: 30.0 });
+    app.world_mut().entity_mut(body).insert(Grab { particle: top as u32, target, stiffness: Stiffness::hertz(30.0) });
     steps(&mut app, 240);
     // Held by its top in mid-air, it hangs below the hand instead of falling 78 m.
     let held =

@@ -15,9 +15,9 @@ fn octopus(app: &mut App, linear: Vec3, angular: Vec3, frequency: f32) -> Entity
         .spawn((
             SoftBody::new(rig),
             InitialVelocity { linear, angular },
-            ShapeMatching { frequency },
-            DistanceConstraints { frequency },
-            Torsion { frequency },
+            ShapeMatching::new(Stiffness::hertz(frequency)),
+            DistanceConstraints::new(Stiffness::hertz(frequency)),
+            Torsion::new(Stiffness::hertz(frequency)),
         ))
         .id()
 }

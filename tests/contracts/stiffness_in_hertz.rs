@@ -18,7 +18,7 @@ fn measured(rate: f64, substeps: u32) -> f32 {
         .insert_resource(SolverSettings { substeps, iterations: 1 })
         .insert_resource(Gravity(Vec3::ZERO));
     app.finish();
-    let body = app.world_mut().spawn((SoftBody::new(rig), DistanceConstraints { frequency: 3.0 })).id();
+    let body = app.world_mut().spawn((SoftBody::new(rig), DistanceConstraints::new(Stiffness::hertz(3.0)))).id();
     app.world_mut().entity_mut(body).remove::<(ShapeMatching, Torsion, Damping)>();
     app.world_mut().get_mut::<Particles>(body).unwrap().position[1] += Vec3A::X * 0.05;
     let (mut crossings, mut last) = (Vec::new(), 0.05);

@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 
-use crate::particles::for_each_body;
-use crate::{Frozen, Particles, SubstepTime};
+use crate::particles::{Awake, for_each_body};
+use crate::{Particles, SubstepTime};
 
 /// How a body meets colliders. Comes with every [`SoftBody`](crate::SoftBody).
 ///
@@ -31,7 +31,7 @@ impl Default for Collision {
 #[derive(Component, Debug, Clone, Default, Deref, DerefMut)]
 pub struct Contacts(pub polpo_solver::Contacts);
 
-pub(crate) fn solve_contacts(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut Contacts, &Collision), Without<Frozen>>) {
+pub(crate) fn solve_contacts(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut Contacts, &Collision), Awake>) {
     for_each_body(
         &mut bodies,
         |(_, contacts, _)| 60 * contacts.list.len(),

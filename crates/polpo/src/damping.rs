@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 
-use crate::particles::for_each_body;
-use crate::{Frozen, Particles, SubstepTime};
+use crate::particles::{Awake, for_each_body};
+use crate::{Particles, SubstepTime};
 
 /// How fast motion dies, as rates: after the time 1/k the share 1/e is left, at every time step. Comes with every [`SoftBody`](crate::SoftBody).
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -22,7 +22,7 @@ impl Default for Damping {
 }
 
 /// In phase `Integrate`, after the velocities are known.
-pub(crate) fn damp_internally(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &Damping), Without<Frozen>>) {
+pub(crate) fn damp_internally(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &Damping), Awake>) {
     for_each_body(
         &mut bodies,
         |(particles, damping)| if damping.internal > 0.0 { 20 * particles.len() } else { 0 },

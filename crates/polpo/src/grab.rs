@@ -2,8 +2,10 @@
 
 use bevy::math::Vec3A;
 use bevy::prelude::*;
+use polpo_solver::Stiffness;
 
-use crate::{Frozen, Particles, SubstepTime};
+use crate::particles::Awake;
+use crate::{Particles, SubstepTime};
 
 /// Pulls one particle of the body towards a point, as a spring would that is fixed there. Remove it to let go.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -12,17 +14,17 @@ pub struct Grab {
     pub particle: u32,
     /// Where it is pulled to \[m\], in the world.
     pub target: Vec3,
-    /// Stiffness as the frequency at which the particle alone would swing about the target \[Hz\]. Range 0 (no pull) to infinity (fixed there). The particle is light beside its body: 30 lifts a body of 300 by one of them.
-    pub frequency: f32,
+    /// As the spring on which the particle alone would swing about the target. The particle is light beside its body: 30 Hz lifts a body of 300 by one of them.
+    pub stiffness: Stiffness,
 }
 
 /// In phase `SolveConstraints`, after the body's own constraints.
-pub(crate) fn pull_grabbed(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &Transform, &Grab), Without<Frozen>>) {
+pub(crate) fn pull_grabbed(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &Transform, &Grab), Awake>) {
     for (mut particles, transform, grab) in &mut bodies {
         if !grab.target.is_finite() {
             continue;
         }
-        let fraction = polpo_solver::stiffness_fraction(grab.frequency, time.delta);
+        let fraction = grab.stiffness.share(time.delta).stiffness;
         let target = Vec3A::from(grab.target - transform.translation);
         let i = grab.particle as usize;
         if let Some(&x) = particles.position.get(i) {

@@ -2,10 +2,10 @@
 
 use bevy::prelude::*;
 
-use crate::particles::for_each_body;
-use crate::{Damping, Frozen, Particles, SubstepTime};
+use crate::particles::{Awake, for_each_body};
+use crate::{Damping, Particles, SubstepTime};
 
-pub(crate) fn integrate_particles(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, Option<&Damping>), Without<Frozen>>) {
+pub(crate) fn integrate_particles(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, Option<&Damping>), Awake>) {
     for_each_body(
         &mut bodies,
         |(particles, _)| 25 * particles.len(),

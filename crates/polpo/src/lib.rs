@@ -41,6 +41,7 @@ mod predict;
 mod schedule;
 mod shape_matching;
 mod state_hash;
+mod stiffness;
 mod timings;
 mod torsion;
 mod writeback;
@@ -56,9 +57,11 @@ pub use freeze::{BodyFrozen, Frozen};
 pub use grab::Grab;
 pub use gravity::{Gravity, GravityScale};
 pub use particles::{Edges, Particles, StepStart};
+pub use polpo_solver::{Stiffness, Turning};
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
 pub use shape_matching::{ImplicitGroups, ShapeMatching};
 pub use state_hash::state_hash;
+pub use stiffness::{EdgeStiffness, ParticleStiffness};
 pub use timings::{PolpoTimingsPlugin, StepTimings};
 pub use torsion::Torsion;
 
@@ -68,6 +71,6 @@ pub mod prelude {
     pub use crate::render::PolpoRenderPlugin;
     pub use crate::{
         BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity, PolpoPlugin, PolpoSystems,
-        ShapeMatching, SoftBody, SolverSettings, Torsion,
+        ShapeMatching, SoftBody, SolverSettings, Stiffness, Torsion,
     };
 }

@@ -24,8 +24,11 @@ pub struct StepStart {
     pub rotation: Vec<Quat>,
 }
 
+/// The bodies that take part in the step.
+pub(crate) type Awake = Without<Frozen>;
+
 /// Copies positions and rotations, into arrays that are already there.
-pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &mut StepStart), Without<Frozen>>) {
+pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &mut StepStart), Awake>) {
     for (particles, mut start) in &mut bodies {
         start.position.clone_from(&particles.position);
         start.rotation.clone_from(&particles.rotation);

@@ -3,13 +3,13 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 
-use crate::particles::for_each_body;
-use crate::{Frozen, Gravity, GravityScale, Particles, SubstepTime};
+use crate::particles::{Awake, for_each_body};
+use crate::{Gravity, GravityScale, Particles, SubstepTime};
 
 pub(crate) fn predict_particles(
     time: Res<SubstepTime>,
     gravity: Res<Gravity>,
-    mut bodies: Query<(&mut Particles, Option<&GravityScale>), Without<Frozen>>,
+    mut bodies: Query<(&mut Particles, Option<&GravityScale>), Awake>,
 ) {
     let acceleration = Vec3A::from(gravity.0);
     for_each_body(

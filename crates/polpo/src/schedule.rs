@@ -15,6 +15,7 @@
 use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::{ScheduleLabel, SingleThreadedExecutor};
 use bevy::prelude::*;
+use polpo_solver::Sweep;
 
 use crate::{bodies, collision, damping, distance, freeze, grab, integrate, particles, predict, shape_matching, torsion, writeback};
 
@@ -78,7 +79,7 @@ pub struct SolverSettings {
     pub substeps: u32,
     /// Sweeps over the constraints a substep, at least 1 (0 counts as 1). Default 1.
     ///
-    /// More make a body stiffer than its hertz say; prefer substeps.
+    /// With several, each constraint remembers what it has done in the substep, so that the stiffness stays what was asked for; that costs memory and a little time. Prefer substeps.
     pub iterations: u32,
 }
 
@@ -95,6 +96,17 @@ pub struct SubstepTime {
     pub delta: f32,
     /// Which substep of the step runs, from 0.
     pub index: u32,
+    /// Which iteration of the substep runs, from 0.
+    pub iteration: u32,
+    /// How many iterations a substep has.
+    pub iterations: u32,
+}
+
+impl SubstepTime {
+    /// The running iteration, as the solver wants it told.
+    pub fn sweep(&self) -> Sweep {
+        Sweep { dt: self.delta, index: self.iteration, count: self.iterations }
+    }
 }
 
 impl Plugin for PolpoPlugin {
@@ -157,23 +169,25 @@ impl Plugin for PolpoPlugin {
 /// One step is `substeps` runs of [`SubstepSchedule`]. A step of no, negative or non-finite duration does nothing.
 fn run_substeps(world: &mut World) {
     let step = world.get_resource::<Time>().map_or(0.0, Time::delta_secs);
-    let substeps = world.resource::<SolverSettings>().substeps.max(1);
+    let SolverSettings { substeps, iterations } = *world.resource::<SolverSettings>();
+    let (substeps, iterations) = (substeps.max(1), iterations.max(1));
     let delta = step / substeps as f32;
     if !(delta > 0.0 && delta.is_finite()) {
         return;
     }
     let _ = world.try_schedule_scope(SubstepSchedule, |world, schedule| {
         for index in 0..substeps {
-            *world.resource_mut::<SubstepTime>() = SubstepTime { delta, index };
+            *world.resource_mut::<SubstepTime>() = SubstepTime { delta, index, iteration: 0, iterations };
             schedule.run(world);
         }
     });
 }
 
 fn run_iterations(world: &mut World) {
-    let iterations = world.resource::<SolverSettings>().iterations.max(1);
+    let iterations = world.resource::<SubstepTime>().iterations;
     let _ = world.try_schedule_scope(ConstraintSchedule, |world, schedule| {
-        for _ in 0..iterations {
+        for iteration in 0..iterations {
+            world.resource_mut::<SubstepTime>().iteration = iteration;
             schedule.run(world);
         }
     });

@@ -2,20 +2,32 @@
 
 use bevy::prelude::*;
 
-use crate::particles::for_each_body;
-use crate::{Frozen, Particles, SoftBody, SubstepTime};
+use polpo_solver::{Stiffness, Turning};
+
+use crate::particles::{Awake, for_each_body};
+use crate::stiffness::shares_of;
+use crate::{ParticleStiffness, Particles, SoftBody, SubstepTime};
 
 /// Each particle and its one ring hold their shape. Comes with every [`SoftBody`].
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct ShapeMatching {
-    /// Stiffness as the frequency at which one group alone would swing \[Hz\]. Range 0 (off) to infinity (rigid); default 25. Groups overlap, so a body is stiffer than one group, and a long limb, many
-    /// groups in a row, is softer. Negative and NaN count as 0.
-    pub frequency: f32,
+    /// As the spring on which one group alone would swing; default 25 Hz, undamped. Groups overlap, so a body is stiffer than one group, and a long limb, many groups in a row, is softer.
+    /// [`ParticleStiffness`](crate::ParticleStiffness) overrides it particle by particle.
+    pub stiffness: Stiffness,
+    /// Which members of a group take its rotation; default all.
+    pub turning: Turning,
+}
+
+impl ShapeMatching {
+    /// Groups of the stiffness given; all members turn.
+    pub const fn new(stiffness: Stiffness) -> Self {
+        Self { stiffness, turning: Turning::AllMembers }
+    }
 }
 
 impl Default for ShapeMatching {
     fn default() -> Self {
-        Self { frequency: 25.0 }
+        Self::new(Stiffness::hertz(25.0))
     }
 }
 
@@ -48,14 +60,15 @@ pub(crate) fn build_groups(
 
 pub(crate) fn match_shapes(
     time: Res<SubstepTime>,
-    mut bodies: Query<(&mut Particles, &mut ImplicitGroups, &ShapeMatching), Without<Frozen>>,
+    mut bodies: Query<(&mut Particles, &mut ImplicitGroups, &ShapeMatching, Option<&mut ParticleStiffness>), Awake>,
 ) {
+    let sweep = time.sweep();
     for_each_body(
         &mut bodies,
-        |(_, groups, _)| 30 * groups.members.len(),
-        |(mut particles, mut groups, matching)| {
-            let fraction = polpo_solver::stiffness_fraction(matching.frequency, time.delta);
-            polpo_solver::match_shapes(&mut groups, &mut particles, fraction, time.delta);
+        |(_, groups, ..)| 30 * groups.members.len(),
+        |(mut particles, mut groups, matching, mut each)| {
+            let shares = shares_of(each.as_mut().map(|e| e.bypass_change_detection()).map(|e| &mut e.0), matching.stiffness, sweep.dt);
+            polpo_solver::match_shapes(&mut groups, &mut particles, shares, matching.turning, sweep);
         },
     );
 }

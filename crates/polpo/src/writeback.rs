@@ -3,13 +3,14 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 
-use crate::{Frozen, Particles, StepStart};
+use crate::particles::Awake;
+use crate::{Particles, StepStart};
 
 /// Moves each body's origin to its centre of mass.
 ///
 /// The particles are shifted by what the translation really changed by, which far from the world's origin is not what was asked for: at 10 km a float is a millimetre. The rest stays in the
 /// particles, and nothing is lost or shaken.
-pub(crate) fn follow_center_of_mass(mut bodies: Query<(&mut Particles, &mut StepStart, &mut Transform), Without<Frozen>>) {
+pub(crate) fn follow_center_of_mass(mut bodies: Query<(&mut Particles, &mut StepStart, &mut Transform), Awake>) {
     for (mut particles, mut start, mut transform) in &mut bodies {
         let center = Vec3::from(particles.center_of_mass());
         let moved = transform.translation + center;

@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
 use bevy_panorbit_camera::PanOrbitCamera;
 use polpo::render::{PolpoGizmoGroup, PolpoGizmos, PolpoGizmosPlugin};
-use polpo::{Grab, Particles};
+use polpo::{Grab, Particles, Stiffness};
 
 use crate::overlay::ShowTimings;
 use crate::stage::SceneCamera;
@@ -110,7 +110,7 @@ fn grab_with_mouse(
         if let Some((_, body, particle, center)) = hit {
             orbit.enabled = false;
             *held = Some(Held { body, depth: (center - eye.translation()).dot(*eye.forward()) });
-            commands.entity(body).insert(Grab { particle, target: center, frequency: HAND });
+            commands.entity(body).insert(Grab { particle, target: center, stiffness: Stiffness::hertz(HAND) });
         }
         return;
     }

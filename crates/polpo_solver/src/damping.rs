@@ -2,6 +2,7 @@
 
 use glam::Vec3A;
 
+use crate::momentum::solve_inertia;
 use crate::{Particles, momentum};
 
 /// Draws every particle's velocity towards that of the rigid body with the same momentum: by the share 1 − e^(−k·Δt) for the rate `rate` k \[1/s\] (0: none, infinity: at once).
@@ -15,17 +16,12 @@ pub fn damp_internally(particles: &mut Particles, dt: f32, rate: f32) {
     let share = 1.0 - libm::expf(-rate * dt);
     let total = momentum(particles);
     let linear = total.linear / total.mass;
-    // Normalised, so that a body of millimetres is not taken for a singular one.
-    let scale = total.inertia.x_axis.x + total.inertia.y_axis.y + total.inertia.z_axis.z;
-    let scaled = total.inertia * (1.0 / scale);
-    let omega = if scaled.is_finite() && scaled.determinant() > 1e-9 { scaled.inverse() * total.angular / scale } else { Vec3A::ZERO };
-    if !omega.is_finite() {
-        return;
-    }
+    let turning = solve_inertia(total.inertia, total.angular);
+    let omega = turning.unwrap_or(Vec3A::ZERO);
     for ((v, w), x) in particles.velocity.iter_mut().zip(&mut particles.angular_velocity).zip(&particles.position) {
         let rigid = linear + omega.cross(*x - total.center);
         *v += (rigid - *v) * share;
-        if omega != Vec3A::ZERO {
+        if turning.is_some() {
             *w += (omega - *w) * share;
         }
     }

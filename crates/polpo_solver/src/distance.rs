@@ -1,27 +1,53 @@
 //! Distance constraints: edges keep their length.
 
-use crate::{Edges, Particles};
+use crate::{Edges, Particles, Shares, Sweep};
 
-/// In a substep of `dt` \[s\], moves the ends of every edge by the share `fraction` (0 … 1, see [`stiffness_fraction`](crate::stiffness_fraction)) of the way to its rest length.
+/// Moves the ends of every edge towards its rest length, by the share of `tension` if it is too long and of `compression` if it is too short.
 ///
-/// C = |d| − l with d = x_j − x_i has the gradient ∓d/|d|, so Δx_i = s·w_i/(w_i + w_j)·C·d/|d| and Δx_j the opposite, weighted by the masses: linear and, because both lie on one line,
-/// angular momentum are kept. An edge of zero length has no direction and is left alone.
-pub fn solve_distances(edges: &Edges, particles: &mut Particles, fraction: f32, dt: f32) {
-    let rate = 1.0 / dt;
+/// C = |d| − l with d = x_j − x_i has the gradient ∓d/|d|, so Δx_i = w_i/(w_i + w_j)·δ·d/|d| and Δx_j the opposite, weighted by the masses, with δ from C, its change n·(v_j − v_i)·Δt and the
+/// multiplier as [`Share`](crate::Share) says: linear and, because both lie on one line, angular momentum are kept. An edge of zero length has no direction and is left alone, and so is one with both ends
+/// pinned.
+pub fn solve_distances(edges: &mut Edges, particles: &mut Particles, tension: Shares, compression: Shares, sweep: Sweep) {
+    if tension.are_off() && compression.are_off() {
+        return;
+    }
+    let rate = 1.0 / sweep.dt;
+    sweep.ready(&mut edges.stretch, edges.pairs.len());
     let x = &mut particles.position;
     let v = &mut particles.velocity;
     let w = &particles.inverse_mass;
-    for (&[i, j], &rest) in edges.pairs.iter().zip(&edges.rest_length) {
+    for (e, (&[i, j], &rest)) in edges.pairs.iter().zip(&edges.rest_length).enumerate() {
         let (i, j) = (i as usize, j as usize);
         let d = x[j] - x[i];
         let length = d.length();
-        if length > 0.0 {
-            let correction = d * (fraction * (length - rest) / (length * (w[i] + w[j])));
-            let (way_i, way_j) = (correction * w[i], correction * -w[j]);
-            x[i] += way_i;
-            x[j] += way_j;
-            v[i] += way_i * rate;
-            v[j] += way_j * rate;
+        let weight = w[i] + w[j];
+        if !(length > 0.0 && weight > 0.0) {
+            continue;
+        }
+        let error = length - rest;
+        let share = if error > 0.0 { tension.of(edges.input[e] as usize) } else { compression.of(edges.input[e] as usize) };
+        let mut way = share.stiffness * error;
+        if share.damping > 0.0 {
+            way += share.damping * sweep.dt * d.dot(v[j] - v[i]) / length;
+        }
+        if let Some(multiplier) = edges.stretch.get_mut(e) {
+            way -= share.memory * *multiplier;
+            *multiplier += way;
+        }
+        let correction = d * (way / (length * weight));
+        let (way_i, way_j) = (correction * w[i], correction * -w[j]);
+        x[i] += way_i;
+        x[j] += way_j;
+        v[i] += way_i * rate;
+        v[j] += way_j * rate;
+        if !particles.reaction.is_empty() {
+            let impulse = correction * rate;
+            if w[i] == 0.0 {
+                particles.reaction[i] += impulse;
+            }
+            if w[j] == 0.0 {
+                particles.reaction[j] -= impulse;
+            }
         }
     }
 }
@@ -30,15 +56,20 @@ pub fn solve_distances(edges: &Edges, particles: &mut Particles, fraction: f32, 
 mod tests {
     use super::*;
     use crate::testing::{line, scramble};
-    use crate::{ParticleRest, momentum};
+    use crate::{ParticleRest, Stiffness, momentum};
     use glam::{Quat, Vec3A};
+
+    fn solve(edges: &Edges, particles: &mut Particles, fraction: f32) {
+        let share = Stiffness::Fraction(fraction).share(0.01);
+        solve_distances(&mut edges.clone(), particles, share.into(), share.into(), Sweep::only(0.01));
+    }
 
     #[test]
     fn a_rigid_edge_regains_its_length_in_one_go() {
         let mut p = line(2, 1.0, 0.1);
         let edges = Edges::new(&p, &[[0, 1]]).unwrap();
         p.position[1] = Vec3A::new(3.0, 4.0, 0.0);
-        solve_distances(&edges, &mut p, 1.0, 0.01);
+        solve(&edges, &mut p, 1.0);
         assert!((p.position[1].distance(p.position[0]) - 1.0).abs() < 1e-6);
     }
 
@@ -56,7 +87,7 @@ mod tests {
         let edges = Edges::new(&p, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 5], [0, 5]]).unwrap();
         scramble(&mut p, 7);
         let before = p.clone();
-        solve_distances(&edges, &mut p, 0.7, 0.01);
+        solve(&edges, &mut p, 0.7);
         // The displacement, read as a velocity about the positions before it, carries no momentum; a sequence of
         // corrections does so about the position at which each was made, so only the linear part is exact.
         for i in 0..p.len() {
@@ -66,7 +97,7 @@ mod tests {
         assert!(momentum(&p).linear.length() < 1e-4);
         let single = Edges::new(&before, &[[1, 4]]).unwrap();
         let mut q = before.clone();
-        solve_distances(&single, &mut q, 0.7, 0.01);
+        solve(&single, &mut q, 0.7);
         for i in 0..q.len() {
             q.velocity[i] = q.position[i] - before.position[i];
             q.angular_velocity[i] = Vec3A::ZERO;
@@ -80,7 +111,7 @@ mod tests {
         let mut p = line(2, 1.0, 0.1);
         let edges = Edges::new(&p, &[[0, 1]]).unwrap();
         p.position[1] = p.position[0];
-        solve_distances(&edges, &mut p, 1.0, 0.01);
+        solve(&edges, &mut p, 1.0);
         assert!(p.is_finite());
     }
 }

@@ -43,6 +43,11 @@ pub struct Edges {
     pub pairs: Vec<[u32; 2]>,
     /// Distance of the ends at rest \[m\].
     pub rest_length: Vec<f32>,
+    /// Which of the pairs that [`Edges::new`] was given each edge is.
+    pub input: Vec<u32>,
+    /// What each edge has been stretched in this substep \[m\], and twisted \[rad\]; empty with one sweep a substep.
+    pub(crate) stretch: Vec<f32>,
+    pub(crate) twist: Vec<f32>,
     /// Where each colour starts in `pairs`, and the end of the last.
     pub colors: Vec<u32>,
 }
@@ -76,7 +81,7 @@ impl Edges {
         let pairs: Vec<[u32; 2]> = order.iter().map(|&e| pairs[e as usize]).collect();
         let rest_length =
             pairs.iter().map(|&[a, b]| particles.rest_position[a as usize].distance(particles.rest_position[b as usize])).collect();
-        Ok(Self { pairs, rest_length, colors })
+        Ok(Self { pairs, rest_length, input: order, stretch: Vec::new(), twist: Vec::new(), colors })
     }
 
     /// Number of edges.

@@ -14,12 +14,14 @@ pub struct ImplicitGroups {
     pub members: Vec<u32>,
     /// x̄_i − c̄, where each member is at rest, relative to its group's centre of mass \[m\].
     pub rest: Vec<Vec3A>,
-    /// One over the mass of each group \[1/kg\].
-    pub inverse_mass: Vec<f32>,
     /// The rotation found last, the warm start of the next search.
     pub rotation: Vec<Quat>,
     /// Where each colour starts among the groups, and the end of the last.
     pub colors: Vec<u32>,
+    /// How each *particle* is turned in the rest pose, relative to the one the rig was made in; empty while they are the same.
+    pub(crate) rest_rotation: Vec<Quat>,
+    /// By how much each member has been moved \[m\] and turned \[rad\] in this substep; empty with one sweep a substep.
+    pub(crate) pulled: Vec<(Vec3A, Vec3A)>,
     /// Scratch: the ways of one group's members \[m\]. As long as the longest row.
     pub(crate) ways: Vec<Vec3A>,
     /// Per *particle*, B_i = (m_i/5)·Q_i·diag(a², b², c²)·Q_iᵀ \[kg·m²\], its own second moment at rest.
@@ -61,7 +63,6 @@ impl ImplicitGroups {
             groups.members.extend_from_slice(ring);
             groups.rest.extend(ring.iter().map(|&i| particles.rest_position[i as usize] - center));
             groups.rows.push(groups.members.len() as u32);
-            groups.inverse_mass.push(1.0 / mass);
             groups.rotation.push(particles.rotation[ring[0] as usize]);
         }
         groups.ways = vec![Vec3A::ZERO; rings.iter().map(Vec::len).max().unwrap_or(0)];
@@ -79,13 +80,13 @@ impl ImplicitGroups {
     /// Number of groups.
     #[inline]
     pub fn len(&self) -> usize {
-        self.inverse_mass.len()
+        self.rotation.len()
     }
 
     /// Whether there are none.
     #[inline]
     pub fn is_empty(&self) -> bool {
-        self.inverse_mass.is_empty()
+        self.rotation.is_empty()
     }
 }
 

@@ -1,24 +1,16 @@
-//! Stage 4: velocities from what the constraints left of the motion.
+//! Stage 4: what is left of the motion.
 
-use glam::Quat;
+use crate::Particles;
 
-use crate::{Particles, quat_log};
-
-/// ω = log(q·q_previous⁻¹)/Δt; v has been summed up on the way (see [`Particles::displace`]) and is (x − x_previous)/Δt. Then drag: both times e^(−k·Δt) for the rate `drag` k \[1/s\].
+/// Drag: v and ω times e^(−k·Δt) for the rate `drag` k \[1/s\]. Both velocities have been summed up on the way, see [`Particles::displace`] and [`Particles::turn`].
 ///
 /// e^(−kΔt) rather than a factor per step, so that the same k slows the same body equally at every time step. Range of `drag`: 0 (none) to infinity (stops at once).
 pub fn integrate(particles: &mut Particles, dt: f32, drag: f32) {
-    let mut keep = 1.0;
     if drag > 0.0 {
-        keep = libm::expf(-drag * dt);
-        for v in &mut particles.velocity {
+        let keep = libm::expf(-drag * dt);
+        for v in particles.velocity.iter_mut().chain(&mut particles.angular_velocity) {
             *v *= keep;
         }
-    }
-    let rate = keep / dt;
-    for ((omega, q), previous) in particles.angular_velocity.iter_mut().zip(&particles.rotation).zip(&particles.previous_rotation) {
-        let turn: Quat = *q * previous.inverse();
-        *omega = quat_log(turn) * rate;
     }
 }
 
@@ -26,7 +18,7 @@ pub fn integrate(particles: &mut Particles, dt: f32, drag: f32) {
 mod tests {
     use super::*;
     use crate::{ParticleRest, predict};
-    use glam::Vec3A;
+    use glam::{Quat, Vec3A};
 
     #[test]
     fn drag_does_not_depend_on_the_time_step() {

@@ -6,7 +6,7 @@
 //! predict            v += Δt·g;  x += Δt·v;  q = exp(ω·Δt)·q
 //! solve_constraints  match_shapes, solve_distances, solve_torsion   (× iterations)
 //! solve_contacts     planes the particles must stay above, friction
-//! integrate          v = (x − x_previous)/Δt;  ω = log(q·q_previous⁻¹)/Δt;  drag
+//! integrate          drag; velocities were summed up where particles were moved
 //! ```
 //!
 //! Every stage is a function on the slices of [`Particles`] and the data of one capability ([`ImplicitGroups`], [`Edges`], [`Contacts`]). Nothing here knows an ECS, a file, a
@@ -16,7 +16,7 @@
 //!
 //! # Units
 //!
-//! SI throughout: m, kg, s, rad. Stiffness is a frequency in hertz, see [`stiffness_fraction`].
+//! SI throughout: m, kg, s, rad. Stiffness is a frequency in hertz, see [`Stiffness`].
 
 mod coloring;
 mod contacts;
@@ -50,7 +50,7 @@ pub use momentum::{Momentum, RigidFit, fit_rigid, momentum};
 pub use particles::{ParticleError, ParticleRest, Particles};
 pub use predict::predict;
 pub use rotation::extract_rotation;
-pub use shape_matching::match_shapes;
+pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
-pub use stiffness::stiffness_fraction;
+pub use stiffness::{Share, Shares, Stiffness, Sweep};
 pub use torsion::solve_torsion;

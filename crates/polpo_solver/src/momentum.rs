@@ -27,17 +27,34 @@ pub fn momentum(p: &Particles) -> Momentum {
     for i in 0..p.len() {
         let (m, v, omega) = (p.mass[i], p.velocity[i], p.angular_velocity[i]);
         let r = p.position[i] - sum.center;
-        let spin = 1.0 / p.inverse_inertia[i];
+        let spin = p.inertia[i];
         sum.mass += m;
         sum.linear += v * m;
         sum.angular += r.cross(v) * m + omega * spin;
         sum.kinetic_energy += 0.5 * (m * v.length_squared() + spin * omega.length_squared());
-        let round = m * r.length_squared() + spin;
-        sum.inertia.x_axis += Vec3A::X * round - r * (m * r.x);
-        sum.inertia.y_axis += Vec3A::Y * round - r * (m * r.y);
-        sum.inertia.z_axis += Vec3A::Z * round - r * (m * r.z);
+        sum.inertia += point_inertia(r, m, spin);
     }
     sum
+}
+
+/// Inertia about the origin of the mass `m` at `r` with the spin inertia `spin` \[kg·m²\]: (m·r² + spin)·I − m·r·rᵀ.
+#[inline]
+pub(crate) fn point_inertia(r: Vec3A, m: f32, spin: f32) -> Mat3A {
+    let round = m * r.length_squared() + spin;
+    Mat3A::from_cols(Vec3A::X * round - r * (m * r.x), Vec3A::Y * round - r * (m * r.y), Vec3A::Z * round - r * (m * r.z))
+}
+
+/// J⁻¹·L. `None` if J is singular, as for a needle of points without spin, or nothing is finite.
+#[inline]
+pub(crate) fn solve_inertia(inertia: Mat3A, angular: Vec3A) -> Option<Vec3A> {
+    // Normalised, so that a body of millimetres is not taken for a singular one.
+    let scale = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
+    let scaled = inertia * (1.0 / scale);
+    if !(scaled.is_finite() && scaled.determinant() > 1e-9) {
+        return None;
+    }
+    let omega = scaled.inverse() * angular / scale;
+    omega.is_finite().then_some(omega)
 }
 
 /// The rigid motion from rest that comes nearest to a body, and what is left.

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3A};
 
-use crate::Ellipsoid;
+use crate::{Ellipsoid, quat_exp};
 
 /// One particle at rest, from which [`Particles`] is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,13 +80,17 @@ pub struct Particles {
     pub angular_velocity: Vec<Vec3A>,
     /// \[kg\]
     pub mass: Vec<f32>,
-    /// \[1/kg\]
+    /// \[1/kg\], 0 for a particle whose position is pinned.
     pub inverse_mass: Vec<f32>,
-    /// Inverse of the spin inertia \[1/(kg·m²)\].
+    /// Spin inertia \[kg·m²\], see [`inverse_inertia`](Self::inverse_inertia).
+    pub inertia: Vec<f32>,
+    /// Inverse of the spin inertia \[1/(kg·m²)\], 0 for a particle whose orientation is pinned.
     ///
     /// The spin inertia is a scalar, the mean of the ellipsoid's three principal moments, (2/15)·m·(a² + b² + c²). The prediction keeps ω constant between constraints, which conserves
     /// spin momentum for a scalar and would not for a tensor.
     pub inverse_inertia: Vec<f32>,
+    /// The impulse with which constraints pulled the others at each pinned particle in this substep \[N·s\]; empty unless somebody wants to know.
+    pub reaction: Vec<Vec3A>,
     /// Centres at rest \[m\], in the rig's axes.
     pub rest_position: Vec<Vec3A>,
     /// Principal axes at rest.
@@ -131,6 +135,7 @@ impl Particles {
             particles.position.push(p.position);
             particles.mass.push(p.mass);
             particles.inverse_mass.push(1.0 / p.mass);
+            particles.inertia.push(inertia);
             particles.inverse_inertia.push(1.0 / inertia);
             particles.frame.push(p.frame.normalize());
             particles.radii.push(p.radii);
@@ -210,6 +215,44 @@ impl Particles {
     pub fn displace(&mut self, i: usize, way: Vec3A, rate: f32) {
         self.position[i] += way;
         self.velocity[i] += way * rate;
+    }
+
+    /// Turns particle `i` by the rotation vector `angle` \[rad\] within a substep of 1/`rate` \[s\]: what a constraint does to an orientation. Its spin takes the turn too, for the reason that
+    /// [`displace`](Self::displace) gives.
+    ///
+    /// # Panics
+    ///
+    /// If there is no particle `i`.
+    #[inline]
+    pub fn turn(&mut self, i: usize, angle: Vec3A, rate: f32) {
+        self.rotation[i] = (quat_exp(angle) * self.rotation[i]).normalize();
+        self.angular_velocity[i] += angle * rate;
+    }
+
+    /// Gives particle `i` another spin inertia than that of its ellipsoid \[kg·m²\]. One that is not positive and normal, with a normal inverse, changes nothing.
+    ///
+    /// # Panics
+    ///
+    /// If there is no particle `i`.
+    pub fn set_inertia(&mut self, i: usize, inertia: f32) {
+        let inverse = 1.0 / inertia;
+        if inertia > 0.0 && inertia.is_normal() && inverse.is_normal() {
+            self.inertia[i] = inertia;
+            if self.inverse_inertia[i] != 0.0 {
+                self.inverse_inertia[i] = inverse;
+            }
+        }
+    }
+
+    /// Pins or frees the position and, separately, the orientation of particle `i`: no constraint moves what is pinned. Pinned, it has infinite mass, or infinite inertia; the other of the two
+    /// is left as it is.
+    ///
+    /// # Panics
+    ///
+    /// If there is no particle `i`.
+    pub fn pin(&mut self, i: usize, position: bool, rotation: bool) {
+        self.inverse_mass[i] = if position { 0.0 } else { 1.0 / self.mass[i] };
+        self.inverse_inertia[i] = if rotation { 0.0 } else { 1.0 / self.inertia[i] };
     }
 
     /// Gives the whole body the velocity of a rigid piece: `linear` \[m/s\] at the centre of mass, `angular` \[rad/s\] about it.

@@ -8,14 +8,19 @@ use crate::{Particles, quat_exp};
 
 /// Remembers where the substep of `dt` \[s\] begins and moves every particle by its velocity: v += Δt·a, x += Δt·v, q = exp(ω·Δt)·q, for the acceleration `a` \[m/s²\].
 ///
+/// What is pinned feels no acceleration and goes on at the velocity it has, which whoever pinned it sets.
+///
 /// Returns how many spins were clamped: a rotation by more than π within one substep cannot be told from the shorter one the other way round, so |ω|·Δt is limited to π. More substeps
 /// are the cure.
 pub fn predict(particles: &mut Particles, acceleration: Vec3A, dt: f32) -> usize {
     let limit = PI / dt;
     let dv = acceleration * dt;
-    for ((x, previous), v) in particles.position.iter_mut().zip(&mut particles.previous_position).zip(&mut particles.velocity) {
+    let moving = particles.position.iter_mut().zip(&mut particles.previous_position).zip(&mut particles.velocity);
+    for (((x, previous), v), &w) in moving.zip(&particles.inverse_mass) {
         *previous = *x;
-        *v += dv;
+        if w > 0.0 {
+            *v += dv;
+        }
         *x += *v * dt;
     }
     let mut clamped = 0;

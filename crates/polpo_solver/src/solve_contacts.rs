@@ -1,8 +1,8 @@
 //! Stage 3: particles leave the colliders, and friction acts where they touch.
 
-use glam::{Quat, Vec3A};
+use glam::Vec3A;
 
-use crate::{Contact, Contacts, Particles, quat_exp};
+use crate::{Contact, Contacts, Particles};
 
 /// Solves every contact of the body for one substep of `dt` \[s\] and carries its plane on to the end of the substep.
 ///
@@ -49,11 +49,14 @@ fn solve(contact: &mut Contact, p: &mut Particles, dt: f32, push_speed: f32) {
         return;
     }
     let (w, inverse_inertia) = (p.inverse_mass[i], p.inverse_inertia[i]);
+    if w == 0.0 {
+        return;
+    }
     let lever = reach.cross(n);
     let lambda = depth / (w + inverse_inertia * lever.length_squared());
     let rate = 1.0 / dt;
     p.displace(i, n * (lambda * w), rate);
-    turn(&mut p.rotation[i], lever * (lambda * inverse_inertia));
+    turn(p, i, lever * (lambda * inverse_inertia), rate);
     contact.impulse += lambda * rate;
 
     if contact.friction > 0.0 {
@@ -70,7 +73,7 @@ fn solve(contact: &mut Contact, p: &mut Particles, dt: f32, push_speed: f32) {
             let hold = length / (w + inverse_inertia * lever.length_squared());
             let impulse = hold.min(contact.friction * lambda);
             p.displace(i, t * (-impulse * w), rate);
-            turn(&mut p.rotation[i], lever * (-impulse * inverse_inertia));
+            turn(p, i, lever * (-impulse * inverse_inertia), rate);
         }
     }
 
@@ -89,14 +92,15 @@ fn solve(contact: &mut Contact, p: &mut Particles, dt: f32, push_speed: f32) {
 const LARGEST_TURN: f32 = 0.5;
 
 #[inline]
-fn turn(q: &mut Quat, by: Vec3A) {
-    *q = (quat_exp(by.clamp_length_max(LARGEST_TURN)) * *q).normalize();
+fn turn(p: &mut Particles, i: usize, by: Vec3A, rate: f32) {
+    p.turn(i, by.clamp_length_max(LARGEST_TURN), rate);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ParticleRest, integrate, predict};
+    use crate::{ParticleRest, integrate, predict, quat_exp};
+    use glam::Quat;
 
     const G: Vec3A = Vec3A::new(0.0, -9.81, 0.0);
 

@@ -14,6 +14,8 @@ mod far_from_the_origin;
 mod free_flight;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
+#[path = "contracts/pins.rs"]
+mod pins;
 #[path = "contracts/schedule_is_unambiguous.rs"]
 mod schedule_is_unambiguous;
 #[path = "contracts/stiffness_in_hertz.rs"]

@@ -37,6 +37,23 @@ fn linear_momentum_is_exact_to_1e_5_of_its_scale() {
     assert!(drift < 1e-5, "{drift}");
 }
 
+/// Ten seconds of a soft, wobbling tumble, spin included.
+#[test]
+fn angular_momentum_is_exact_to_1e_4() {
+    let mut app = simulation();
+    app.insert_resource(Gravity(Vec3::ZERO));
+    let body = octopus(&mut app, Vec3::ZERO, Vec3::new(1.0, -2.0, 3.0), 8.0);
+    for (i, x) in app.world_mut().get_mut::<Particles>(body).unwrap().position.iter_mut().enumerate() {
+        *x *= 1.0 + 0.02 * (i % 7) as f32;
+    }
+    let before = momentum(app.world().get::<Particles>(body).unwrap());
+    steps(&mut app, 600);
+    let after = momentum(app.world().get::<Particles>(body).unwrap());
+    let drift = (after.angular - before.angular).length() / before.angular.length();
+    println!("angular momentum drifted by {drift:.1e} in 10 s");
+    assert!(drift < 1e-4, "{drift}");
+}
+
 /// At rest in its own shape, rigidly stiff, it tumbles for three seconds.
 #[test]
 fn a_tumbling_octopus_keeps_its_shape_to_1e_3_of_its_size() {

@@ -7,7 +7,7 @@ use bevy::prelude::*;
 use polpo_rig::{Rig, RigError};
 use polpo_solver::{ParticleError, ParticleRest};
 
-use crate::{Collision, Damping, DistanceConstraints, Frozen, Particles, ShapeMatching, StepStart, Torsion};
+use crate::{Collision, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, StepStart, Torsion};
 
 /// Makes an entity a soft body.
 ///
@@ -19,7 +19,7 @@ use crate::{Collision, Damping, DistanceConstraints, Frozen, Particles, ShapeMat
 /// A rig that cannot be simulated, or a transform that is not finite or not uniformly scaled, is refused with the event [`SoftBodyRejected`] and an error in the log; the entity then just does not
 /// move.
 #[derive(Component, Debug, Clone)]
-#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision)]
+#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision, KeepMomentum)]
 pub struct SoftBody {
     /// What the body is made of; shared by all bodies made from it.
     pub rig: Arc<Rig>,

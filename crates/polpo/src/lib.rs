@@ -21,7 +21,7 @@
 //! # One capability, one component
 //!
 //! What a body can do is what it has: [`ShapeMatching`] holds its shape, [`DistanceConstraints`] the length of its edges, [`Torsion`] resists twist, [`Damping`] lets its wobble die,
-//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it. Remove the component and neither its code nor its data is there any more. The first four come with every
+//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`AirDrag`] gives it to the wind. Remove the component and neither its code nor its data is there any more. The first four come with every
 //! [`SoftBody`]; put your own values beside it when you spawn it.
 //!
 //! # The step
@@ -36,14 +36,18 @@ mod freeze;
 mod grab;
 mod gravity;
 mod integrate;
+mod keep_momentum;
 mod particles;
+mod pins;
 mod predict;
+mod rider;
 mod schedule;
 mod shape_matching;
 mod state_hash;
 mod stiffness;
 mod timings;
 mod torsion;
+mod wind;
 mod writeback;
 
 #[cfg(feature = "render")]
@@ -56,21 +60,25 @@ pub use distance::DistanceConstraints;
 pub use freeze::{BodyFrozen, Frozen};
 pub use grab::Grab;
 pub use gravity::{Gravity, GravityScale};
+pub use keep_momentum::KeepMomentum;
 pub use particles::{Edges, Particles, StepStart};
+pub use pins::{Pin, PinBroken, PinState, PinTarget, Pins};
 pub use polpo_solver::{Stiffness, Turning};
+pub use rider::ParticleAnchor;
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
 pub use shape_matching::{ImplicitGroups, ShapeMatching};
 pub use state_hash::state_hash;
 pub use stiffness::{EdgeStiffness, ParticleStiffness};
 pub use timings::{PolpoTimingsPlugin, StepTimings};
 pub use torsion::Torsion;
+pub use wind::{AirDrag, Wind};
 
 /// What a game needs at hand.
 pub mod prelude {
     #[cfg(feature = "render")]
     pub use crate::render::PolpoRenderPlugin;
     pub use crate::{
-        BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity, PolpoPlugin, PolpoSystems,
-        ShapeMatching, SoftBody, SolverSettings, Stiffness, Torsion,
+        AirDrag, BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity, KeepMomentum,
+        ParticleAnchor, Pin, Pins, PolpoPlugin, PolpoSystems, ShapeMatching, SoftBody, SolverSettings, Stiffness, Torsion, Wind,
     };
 }

@@ -6,7 +6,7 @@
 //!                                 │
 //! SubstepSchedule, × substeps     └ Predict → SolveConstraints → SolveContacts → Integrate
 //!                                                  │
-//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion → pull_grabbed
+//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion
 //! ```
 //!
 //! The two inner schedules run on the single-threaded executor, which costs a tenth of a microsecond a run; the multi-threaded one would cost more than a body. Systems go parallel over bodies by
@@ -17,7 +17,10 @@ use bevy::ecs::schedule::{ScheduleLabel, SingleThreadedExecutor};
 use bevy::prelude::*;
 use polpo_solver::Sweep;
 
-use crate::{bodies, collision, damping, distance, freeze, grab, integrate, particles, predict, shape_matching, torsion, writeback};
+use crate::{
+    bodies, collision, damping, distance, freeze, grab, integrate, keep_momentum, particles, pins, predict, rider, shape_matching, torsion,
+    wind, writeback,
+};
 
 /// Soft bodies: adds the step to a schedule.
 ///
@@ -114,7 +117,9 @@ impl Plugin for PolpoPlugin {
         app.init_resource::<SolverSettings>()
             .init_resource::<SubstepTime>()
             .init_resource::<crate::Gravity>()
+            .init_resource::<crate::Wind>()
             .add_observer(bodies::build_body)
+            .add_observer(pins::release_pins)
             .configure_sets(
                 self.schedule,
                 (PolpoSystems::Prepare, PolpoSystems::DetectContacts, PolpoSystems::Substeps, PolpoSystems::Writeback).chain(),
@@ -122,11 +127,13 @@ impl Plugin for PolpoPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    (shape_matching::build_groups, particles::build_edges, particles::remember_step_start)
+                    (shape_matching::build_groups, particles::build_edges, pins::hold_pins, particles::remember_step_start)
                         .chain()
                         .in_set(PolpoSystems::Prepare),
                     run_substeps.in_set(PolpoSystems::Substeps),
-                    (freeze::freeze_broken_bodies, writeback::follow_center_of_mass).chain().in_set(PolpoSystems::Writeback),
+                    (freeze::freeze_broken_bodies, writeback::follow_center_of_mass, pins::break_pins, rider::carry_riders)
+                        .chain()
+                        .in_set(PolpoSystems::Writeback),
                 ),
             );
 
@@ -141,10 +148,12 @@ impl Plugin for PolpoPlugin {
             .add_systems(
                 SubstepSchedule,
                 (
-                    predict::predict_particles.in_set(PolpoSystems::Predict),
-                    run_iterations.in_set(PolpoSystems::SolveConstraints),
+                    (wind::blow, predict::predict_particles).chain().in_set(PolpoSystems::Predict),
+                    (keep_momentum::measure_momentum, run_iterations, keep_momentum::restore_momentum, grab::pull_grabbed)
+                        .chain()
+                        .in_set(PolpoSystems::SolveConstraints),
                     collision::solve_contacts.in_set(PolpoSystems::SolveContacts),
-                    (integrate::integrate_particles, damping::damp_internally).chain().in_set(PolpoSystems::Integrate),
+                    (integrate::integrate_particles, damping::damp_internally, pins::sum_reactions).chain().in_set(PolpoSystems::Integrate),
                 ),
             );
 
@@ -154,7 +163,7 @@ impl Plugin for PolpoPlugin {
             })
             .add_systems(
                 ConstraintSchedule,
-                (shape_matching::match_shapes, distance::solve_distances, torsion::solve_torsion, grab::pull_grabbed)
+                (shape_matching::match_shapes, distance::solve_distances, torsion::solve_torsion)
                     .chain()
                     .in_set(PolpoSystems::SolveConstraints),
             );

@@ -8,7 +8,7 @@ use crate::{Particles, momentum};
 /// Draws every particle's velocity towards that of the rigid body with the same momentum: by the share 1 − e^(−k·Δt) for the rate `rate` k \[1/s\] (0: none, infinity: at once).
 ///
 /// The rigid motion has the velocity P/M at the centre of mass and ω = J⁻¹L with J the inertia including spin, so pulling v_i towards P/M + ω×r_i and ω_i towards ω leaves P and L as
-/// they were. If J is singular (a single particle without extent) only the linear part is used.
+/// they were. If J is singular (a single particle without extent) only the linear part is used. What is pinned keeps its velocity.
 pub fn damp_internally(particles: &mut Particles, dt: f32, rate: f32) {
     if rate.is_nan() || rate <= 0.0 || particles.is_empty() {
         return;
@@ -18,11 +18,15 @@ pub fn damp_internally(particles: &mut Particles, dt: f32, rate: f32) {
     let linear = total.linear / total.mass;
     let turning = solve_inertia(total.inertia, total.angular);
     let omega = turning.unwrap_or(Vec3A::ZERO);
-    for ((v, w), x) in particles.velocity.iter_mut().zip(&mut particles.angular_velocity).zip(&particles.position) {
-        let rigid = linear + omega.cross(*x - total.center);
-        *v += (rigid - *v) * share;
-        if turning.is_some() {
-            *w += (omega - *w) * share;
+    for i in 0..particles.len() {
+        if particles.inverse_mass[i] > 0.0 {
+            let rigid = linear + omega.cross(particles.position[i] - total.center);
+            let v = particles.velocity[i];
+            particles.velocity[i] += (rigid - v) * share;
+        }
+        if turning.is_some() && particles.inverse_inertia[i] > 0.0 {
+            let w = particles.angular_velocity[i];
+            particles.angular_velocity[i] += (omega - w) * share;
         }
     }
 }

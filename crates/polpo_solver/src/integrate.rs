@@ -2,14 +2,19 @@
 
 use crate::Particles;
 
-/// Drag: v and ω times e^(−k·Δt) for the rate `drag` k \[1/s\]. Both velocities have been summed up on the way, see [`Particles::displace`] and [`Particles::turn`].
+/// Drag: v and ω times e^(−k·Δt) for the rate `drag` k \[1/s\]. Both velocities have been summed up on the way, see [`Particles::displace`] and [`Particles::turn`]. What is pinned keeps its own.
 ///
 /// e^(−kΔt) rather than a factor per step, so that the same k slows the same body equally at every time step. Range of `drag`: 0 (none) to infinity (stops at once).
 pub fn integrate(particles: &mut Particles, dt: f32, drag: f32) {
     if drag > 0.0 {
         let keep = libm::expf(-drag * dt);
-        for v in particles.velocity.iter_mut().chain(&mut particles.angular_velocity) {
-            *v *= keep;
+        for i in 0..particles.len() {
+            if particles.inverse_mass[i] > 0.0 {
+                particles.velocity[i] *= keep;
+            }
+            if particles.inverse_inertia[i] > 0.0 {
+                particles.angular_velocity[i] *= keep;
+            }
         }
     }
 }

@@ -37,6 +37,7 @@ mod stiffness;
 #[cfg(test)]
 mod testing;
 mod torsion;
+mod wind;
 
 pub use contacts::{Contact, Contacts};
 pub use damping::damp_internally;
@@ -46,7 +47,7 @@ pub use ellipsoid::Ellipsoid;
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;
 pub use math::{quat_exp, quat_log};
-pub use momentum::{Momentum, RigidFit, fit_rigid, momentum};
+pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};
 pub use particles::{ParticleError, ParticleRest, Particles};
 pub use predict::predict;
 pub use rotation::extract_rotation;
@@ -54,3 +55,4 @@ pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
 pub use torsion::solve_torsion;
+pub use wind::blow;

@@ -18,6 +18,7 @@
 //!
 //! SI throughout: m, kg, s, rad. Stiffness is a frequency in hertz, see [`Stiffness`].
 
+mod calibrated_edges;
 mod coloring;
 mod contacts;
 mod damping;
@@ -39,6 +40,7 @@ mod testing;
 mod torsion;
 mod wind;
 
+pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
 pub use contacts::{Contact, Contacts};
 pub use damping::damp_internally;
 pub use distance::solve_distances;

@@ -244,6 +244,21 @@ impl Particles {
         }
     }
 
+    /// Gives particle `i` another mass \[kg\]. One that is not positive and normal, with a normal inverse, changes nothing.
+    ///
+    /// # Panics
+    ///
+    /// If there is no particle `i`.
+    pub fn set_mass(&mut self, i: usize, mass: f32) {
+        let inverse = 1.0 / mass;
+        if mass > 0.0 && mass.is_normal() && inverse.is_normal() {
+            self.mass[i] = mass;
+            if self.inverse_mass[i] != 0.0 {
+                self.inverse_mass[i] = inverse;
+            }
+        }
+    }
+
     /// Pins or frees the position and, separately, the orientation of particle `i`: no constraint moves what is pinned. Pinned, it has infinite mass, or infinite inertia; the other of the two
     /// is left as it is.
     ///

@@ -16,6 +16,8 @@ mod free_flight;
 mod octopus_scene;
 #[path = "contracts/pins.rs"]
 mod pins;
+#[path = "contracts/rods.rs"]
+mod rods;
 #[path = "contracts/schedule_is_unambiguous.rs"]
 mod schedule_is_unambiguous;
 #[path = "contracts/stiffness_in_hertz.rs"]

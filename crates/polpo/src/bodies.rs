@@ -96,11 +96,14 @@ pub(crate) fn build_body(
             }
             *transform = Transform::from_translation(origin);
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone() };
-            commands.entity(entity).remove::<(crate::Edges, crate::ImplicitGroups, Frozen)>().insert((Particles(particles), start));
+            commands
+                .entity(entity)
+                .remove::<(crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, Frozen)>()
+                .insert((Particles(particles), start));
         }
         Err(reason) => {
             tracing::error!("soft body {entity} was not built: {reason}");
-            commands.entity(entity).remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups)>();
+            commands.entity(entity).remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges)>();
             commands.trigger(SoftBodyRejected { entity, reason });
         }
     }

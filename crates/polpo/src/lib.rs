@@ -21,7 +21,7 @@
 //! # One capability, one component
 //!
 //! What a body can do is what it has: [`ShapeMatching`] holds its shape, [`DistanceConstraints`] the length of its edges, [`Torsion`] resists twist, [`Damping`] lets its wobble die,
-//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`AirDrag`] gives it to the wind. Remove the component and neither its code nor its data is there any more. The first four come with every
+//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind. Remove the component and neither its code nor its data is there any more. The first four come with every
 //! [`SoftBody`]; put your own values beside it when you spawn it.
 //!
 //! # The step
@@ -41,6 +41,7 @@ mod particles;
 mod pins;
 mod predict;
 mod rider;
+mod rods;
 mod schedule;
 mod shape_matching;
 mod state_hash;
@@ -63,8 +64,9 @@ pub use gravity::{Gravity, GravityScale};
 pub use keep_momentum::KeepMomentum;
 pub use particles::{Edges, Particles, StepStart};
 pub use pins::{Pin, PinBroken, PinState, PinTarget, Pins};
-pub use polpo_solver::{Stiffness, Turning};
+pub use polpo_solver::{Material, Section, Stiffness, Turning};
 pub use rider::ParticleAnchor;
+pub use rods::{CalibratedEdges, Rods};
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
 pub use shape_matching::{ImplicitGroups, ShapeMatching};
 pub use state_hash::state_hash;

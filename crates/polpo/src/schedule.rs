@@ -6,7 +6,7 @@
 //!                                 │
 //! SubstepSchedule, × substeps     └ Predict → SolveConstraints → SolveContacts → Integrate
 //!                                                  │
-//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion
+//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion → solve_rods
 //! ```
 //!
 //! The two inner schedules run on the single-threaded executor, which costs a tenth of a microsecond a run; the multi-threaded one would cost more than a body. Systems go parallel over bodies by
@@ -18,8 +18,8 @@ use bevy::prelude::*;
 use polpo_solver::Sweep;
 
 use crate::{
-    bodies, collision, damping, distance, freeze, grab, integrate, keep_momentum, particles, pins, predict, rider, shape_matching, torsion,
-    wind, writeback,
+    bodies, collision, damping, distance, freeze, grab, integrate, keep_momentum, particles, pins, predict, rider, rods, shape_matching,
+    torsion, wind, writeback,
 };
 
 /// Soft bodies: adds the step to a schedule.
@@ -127,7 +127,13 @@ impl Plugin for PolpoPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    (shape_matching::build_groups, particles::build_edges, pins::hold_pins, particles::remember_step_start)
+                    (
+                        shape_matching::build_groups,
+                        particles::build_edges,
+                        rods::build_rods,
+                        pins::hold_pins,
+                        particles::remember_step_start,
+                    )
                         .chain()
                         .in_set(PolpoSystems::Prepare),
                     run_substeps.in_set(PolpoSystems::Substeps),
@@ -163,7 +169,7 @@ impl Plugin for PolpoPlugin {
             })
             .add_systems(
                 ConstraintSchedule,
-                (shape_matching::match_shapes, distance::solve_distances, torsion::solve_torsion)
+                (shape_matching::match_shapes, distance::solve_distances, torsion::solve_torsion, rods::solve_rods)
                     .chain()
                     .in_set(PolpoSystems::SolveConstraints),
             );

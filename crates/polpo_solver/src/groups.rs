@@ -3,7 +3,7 @@
 use glam::{Mat3A, Quat, Vec3A};
 
 use crate::coloring::color_rows;
-use crate::{Edges, Particles};
+use crate::{Edges, ExplicitGroups, Particles};
 
 /// One group a particle: itself and its one ring. Groups are sorted by colour and stored as compressed rows; groups of one colour share no particle.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +18,12 @@ pub struct ImplicitGroups {
     pub rotation: Vec<Quat>,
     /// Where each colour starts among the groups, and the end of the last.
     pub colors: Vec<u32>,
+    /// Which share each *group* has, as an index into the shares; empty: that of its first member.
+    pub(crate) keys: Vec<u32>,
+    /// Per *particle*, whether its group rests because an explicit group holds it; empty if none ever does.
+    pub(crate) held: Vec<bool>,
+    /// Per *particle*, whether groups see only its position, see [`ExplicitGroups`]; empty if none is so.
+    pub(crate) unoriented: Vec<bool>,
     /// How each *particle* is turned in the rest pose, relative to the one the rig was made in; empty while they are the same.
     pub(crate) rest_rotation: Vec<Quat>,
     /// By how much each member has been moved \[m\] and turned \[rad\] in this substep; empty with one sweep a substep.
@@ -33,6 +39,12 @@ pub struct ImplicitGroups {
 impl ImplicitGroups {
     /// The groups that `edges` imply. A particle without edges has none: alone, it is always in shape.
     pub fn new(particles: &Particles, edges: &Edges) -> Self {
+        Self::beside(particles, edges, &ExplicitGroups::default())
+    }
+
+    /// The groups that `edges` imply in a body with explicit groups: a member of one has no group of its own, unless all that it is a member of can open; then it has one that rests while any of
+    /// them is closed, see [`rest_where_held`](Self::rest_where_held). Members may be in a neighbour's group all the same.
+    pub fn beside(particles: &Particles, edges: &Edges, explicit: &ExplicitGroups) -> Self {
         let n = particles.len();
         let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
         for &[i, j] in &edges.pairs {
@@ -42,7 +54,7 @@ impl ImplicitGroups {
         let rings: Vec<Vec<u32>> = neighbours
             .into_iter()
             .enumerate()
-            .filter(|(_, ring)| !ring.is_empty())
+            .filter(|(i, ring)| !ring.is_empty() && explicit.leaves_group_to(*i))
             .map(|(i, mut ring)| {
                 ring.sort_unstable();
                 ring.insert(0, i as u32);
@@ -66,15 +78,17 @@ impl ImplicitGroups {
             groups.rotation.push(particles.rotation[ring[0] as usize]);
         }
         groups.ways = vec![Vec3A::ZERO; rings.iter().map(Vec::len).max().unwrap_or(0)];
-        groups.moment = (0..n)
-            .map(|i| {
-                let q = Mat3A::from_quat(particles.frame[i]);
-                let r = particles.radii[i];
-                let d = r * r * (particles.mass[i] / 5.0);
-                Mat3A::from_cols(q.x_axis * d.x, q.y_axis * d.y, q.z_axis * d.z) * q.transpose()
-            })
-            .collect();
+        groups.moment = (0..n).map(|i| second_moment(particles, i)).collect();
+        groups.rest_where_held(explicit);
         groups
+    }
+
+    /// Lets the groups rest whose particles a closed explicit group holds, and wakes the others. To be called when [`ExplicitGroups::revision`] has changed; does nothing without explicit groups.
+    pub fn rest_where_held(&mut self, explicit: &ExplicitGroups) {
+        self.held.clear();
+        if !explicit.is_empty() {
+            self.held.extend((0..self.moment.len()).map(|i| explicit.holds(i)));
+        }
     }
 
     /// Number of groups.
@@ -88,6 +102,14 @@ impl ImplicitGroups {
     pub fn is_empty(&self) -> bool {
         self.rotation.is_empty()
     }
+}
+
+/// B_i of particle `i`, see [`ImplicitGroups::moment`].
+pub(crate) fn second_moment(particles: &Particles, i: usize) -> Mat3A {
+    let q = Mat3A::from_quat(particles.frame[i]);
+    let r = particles.radii[i];
+    let d = r * r * (particles.mass[i] / 5.0);
+    Mat3A::from_cols(q.x_axis * d.x, q.y_axis * d.y, q.z_axis * d.z) * q.transpose()
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@
 //!
 //! SI throughout: m, kg, s, rad. Stiffness is a frequency in hertz, see [`Stiffness`].
 
+mod block_cholesky;
 mod calibrated_edges;
 mod coloring;
 mod contacts;
@@ -25,14 +26,25 @@ mod damping;
 mod distance;
 mod edges;
 mod ellipsoid;
+mod explicit_groups;
+#[cfg(test)]
+mod explicit_tests;
 mod groups;
 mod integrate;
+#[cfg(test)]
+mod joint_tests;
+mod joints;
+mod landing;
 mod math;
 mod momentum;
+mod motor;
 mod particles;
+mod plasticity;
 mod predict;
+mod rigid_groups;
 mod rotation;
 mod shape_matching;
+mod soft_groups;
 mod solve_contacts;
 mod stiffness;
 #[cfg(test)]
@@ -46,12 +58,17 @@ pub use damping::damp_internally;
 pub use distance::solve_distances;
 pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
+pub use explicit_groups::{Deformable, ExplicitGroup, ExplicitGroups, GroupError};
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;
+pub use landing::land_explicit_groups;
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};
+pub use motor::{Drive, Motor};
 pub use particles::{ParticleError, ParticleRest, Particles};
+pub use plasticity::{Plasticity, creep_edges, creep_shapes};
 pub use predict::predict;
+pub use rigid_groups::{match_explicit_groups, predict_explicit};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;

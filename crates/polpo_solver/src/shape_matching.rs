@@ -47,8 +47,8 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
         let row = groups.rows[g] as usize..groups.rows[g + 1] as usize;
         let members = &groups.members[row.clone()];
         let rest = &groups.rest[row.clone()];
-        let share = shares.of(members[0] as usize);
-        if share.is_off() {
+        let share = shares.of(groups.keys.get(g).copied().unwrap_or(members[0]) as usize);
+        if share.is_off() || groups.held.get(members[0] as usize).is_some_and(|&held| held) {
             continue;
         }
         let x = &mut particles.position;
@@ -117,7 +117,7 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
                 v[i] += way * rate;
                 reaction -= way * mass[i];
             }
-            if inverse_inertia[i] == 0.0 || (turning == Turning::MainOnly && k > 0) {
+            if inverse_inertia[i] == 0.0 || (turning == Turning::MainOnly && k > 0) || groups.unoriented.get(i).is_some_and(|&u| u) {
                 continue;
             }
             let goal = match groups.rest_rotation.get(i) {

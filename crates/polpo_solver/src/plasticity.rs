@@ -1,0 +1,233 @@
+//! Plasticity: shapes that keep part of what was done to them.
+
+use glam::{DMat3, DVec3, Mat3A, Quat, Vec3A};
+
+use crate::{Edges, ExplicitGroups, ImplicitGroups, Particles, extract_rotation};
+
+/// How rest shapes give way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plasticity {
+    /// Strain above which the shape gives way, 0 … infinity: the root mean square distance of a group's members from their goals over that of their rest offsets, for edges the change of length over
+    /// the length. Infinite and NaN: never.
+    pub yield_strain: f32,
+    /// Rate at which the rest shape then approaches what is there \[1/s\], 0 (never) … infinity (at once). Negative and NaN count as 0.
+    pub creep: f32,
+    /// Strain of the rest shape against the one it was made in, at most, 0 … infinity. From about 0.5 on neighbouring groups may contradict each other. Negative and NaN count as 0.
+    pub maximum: f32,
+}
+
+impl Plasticity {
+    /// The share of the way that the rest shape goes in `dt` \[s\]; nothing for a strain below the yield.
+    fn share(self, strain: f32, dt: f32) -> f32 {
+        if self.creep > 0.0 && strain > self.yield_strain { 1.0 - libm::expf(-self.creep * dt) } else { 0.0 }
+    }
+}
+
+/// Lets the rest shapes of implicit groups creep towards what their members show, in a step or substep of `dt` \[s\].
+///
+/// Müller et al. (*Meshless Deformations Based on Shape Matching*, 2005) let a matrix S_p creep, S_p ← (I + Δt·c·(S − I))·S_p with S the symmetric part of the best linear fit, and take the rest offsets
+/// to S_p·x̄. Here the offsets creep themselves, r ← r + (1 − e^(−cΔt))·(Rᵀ(x − c) − r), of which that is the linear part: three particles in a row, whose linear fit does not know a bend, can be bent
+/// for good. The volume of the linear fit of the new offsets to the made ones, spin moments included so that there is one for rows and sheets, is normalised to 1, and the offsets' root mean square distance
+/// from the made ones limited.
+///
+/// The made offsets are those of [`Particles::rest_position`], so that a body that is not plastic has no data for it. Edges have to creep along, or they pull back: [`creep_edges`].
+pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, plasticity: Plasticity, dt: f32) {
+    let mut shown = Vec::new();
+    for g in 0..groups.len() {
+        let row = groups.rows[g] as usize..groups.rows[g + 1] as usize;
+        let members = &groups.members[row.clone()];
+        if groups.held.get(members[0] as usize).is_some_and(|&held| held) {
+            continue;
+        }
+        show(members, &groups.rest[row.clone()], &groups.moment, particles, groups.rotation[g], &mut shown);
+        let rest = &mut groups.rest[row];
+        let share = plasticity.share(strain(members, &shown, rest, particles), dt);
+        if share > 0.0 {
+            for (r, &s) in rest.iter_mut().zip(&shown) {
+                *r += (s - *r) * share;
+            }
+            tame(members, rest, &groups.moment, particles, 1.0, plasticity.maximum);
+        }
+    }
+}
+
+/// Lets the rest lengths of edges creep towards their lengths, in a step or substep of `dt` \[s\], within the maximum of what they were made with.
+pub fn creep_edges(edges: &mut Edges, particles: &Particles, plasticity: Plasticity, dt: f32) {
+    for (&[i, j], rest) in edges.pairs.iter().zip(&mut edges.rest_length) {
+        let (i, j) = (i as usize, j as usize);
+        let made = particles.rest_position[i].distance(particles.rest_position[j]);
+        let length = particles.position[i].distance(particles.position[j]);
+        let share = plasticity.share((length - *rest).abs() / *rest, dt);
+        if share > 0.0 && length.is_finite() {
+            let maximum = plasticity.maximum.max(0.0);
+            *rest = (*rest + (length - *rest) * share).clamp(made * (1.0 - maximum).max(0.01), made * (1.0 + maximum));
+        }
+    }
+}
+
+impl ExplicitGroups {
+    /// Takes what the members of group `g` show as its rest shape, as far as its dent allows. Called when it closes.
+    pub(crate) fn keep_dent(&mut self, g: usize, particles: &Particles) {
+        let Some(d) = self.deformable[g] else { return };
+        let row = self.row(g);
+        let mut shown = Vec::new();
+        let members = &self.shape.members[row.clone()];
+        show(members, &self.shape.rest[row.clone()], &self.shape.moment, particles, self.shape.rotation[g], &mut shown);
+        let rest = &mut self.shape.rest[row];
+        rest.copy_from_slice(&shown);
+        tame(members, rest, &self.shape.moment, particles, self.scale[g], d.dent);
+    }
+}
+
+/// Where the members are about their centre, turned back by the group's rotation.
+fn show(members: &[u32], rest: &[Vec3A], moment: &[Mat3A], particles: &Particles, guess: Quat, shown: &mut Vec<Vec3A>) {
+    let (mut center, mut rest_center, mut mass) = (Vec3A::ZERO, Vec3A::ZERO, 0.0);
+    for (&i, &r) in members.iter().zip(rest) {
+        let m = particles.mass[i as usize];
+        center += particles.position[i as usize] * m;
+        rest_center += r * m;
+        mass += m;
+    }
+    center /= mass;
+    rest_center /= mass;
+    let mut a = Mat3A::ZERO;
+    for (&i, &r) in members.iter().zip(rest) {
+        let i = i as usize;
+        let (d, r) = ((particles.position[i] - center) * particles.mass[i], r - rest_center);
+        a += Mat3A::from_quat(particles.rotation[i]) * moment[i] + Mat3A::from_cols(d * r.x, d * r.y, d * r.z);
+    }
+    let back = extract_rotation(a, guess).inverse();
+    shown.clear();
+    shown.extend(members.iter().map(|&i| back * (particles.position[i as usize] - center)));
+}
+
+/// Root mean square distance of `a` from `b` over the size of `b`, by mass. Zero for a group without extent.
+fn strain(members: &[u32], a: &[Vec3A], b: &[Vec3A], particles: &Particles) -> f32 {
+    let (mut way, mut size) = (0.0, 0.0);
+    for ((&i, &a), &b) in members.iter().zip(a).zip(b) {
+        let m = particles.mass[i as usize];
+        way += m * a.distance_squared(b);
+        size += m * b.length_squared();
+    }
+    if size > 0.0 { (way / size).sqrt() } else { 0.0 }
+}
+
+/// Gives the rest offsets the volume they were made with, and draws them within `maximum` of that shape.
+fn tame(members: &[u32], rest: &mut [Vec3A], moment: &[Mat3A], particles: &Particles, scale: f32, maximum: f32) {
+    let mut center = Vec3A::ZERO;
+    let mut mass = 0.0;
+    for &i in members {
+        center += particles.rest_position[i as usize] * particles.mass[i as usize];
+        mass += particles.mass[i as usize];
+    }
+    center /= mass;
+    let made = |i: u32| (particles.rest_position[i as usize] - center) * scale;
+    // F = (Σ m·r·mᵀ + B)·(Σ m·m·mᵀ + B)⁻¹, in f64 because sheets and rows make both nearly singular.
+    let (mut a, mut b) = (DMat3::ZERO, DMat3::ZERO);
+    for (&i, r) in members.iter().zip(&*rest) {
+        let m = f64::from(particles.mass[i as usize]);
+        let (r, o, spin) = (r.as_dvec3() * m, made(i).as_dvec3(), moment[i as usize].as_dmat3());
+        a += spin + DMat3::from_cols(r * o.x, r * o.y, r * o.z);
+        b += spin + DMat3::from_cols(o * (m * o.x), o * (m * o.y), o * (m * o.z));
+    }
+    let trace = b.x_axis.x + b.y_axis.y + b.z_axis.z;
+    let floor = DMat3::from_diagonal(DVec3::splat(1e-6 * trace));
+    let volume = (a + floor).determinant() / (b + floor).determinant();
+    // A shape turned inside out, or flattened to a tenth, has no volume to be normalised.
+    let size = if volume > 0.1 && volume < 10.0 { 1.0 / libm::cbrt(volume) as f32 } else { 1.0 };
+    for r in &mut *rest {
+        *r *= size;
+    }
+    let (mut way, mut extent) = (0.0, 0.0);
+    for (&i, r) in members.iter().zip(&*rest) {
+        let m = particles.mass[i as usize];
+        way += m * r.distance_squared(made(i));
+        extent += m * made(i).length_squared();
+    }
+    let limit = maximum.max(0.0);
+    let over = if extent > 0.0 { (way / extent).sqrt() } else { 0.0 };
+    if over > limit || over.is_nan() {
+        let keep = if over.is_finite() { limit / over } else { 0.0 };
+        for (&i, r) in members.iter().zip(&mut *rest) {
+            let made = made(i);
+            *r = if keep > 0.0 { made + (*r - made) * keep } else { made };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{blob, line};
+    use crate::{Stiffness, Sweep, Turning, integrate, match_shapes, predict};
+
+    /// A plastic beam that has been bent and held stays bent; an elastic one comes back.
+    #[test]
+    fn a_plastic_row_stays_bent() {
+        let dt = 1.0 / 300.0;
+        let bend_left = |plasticity: Option<Plasticity>| {
+            let mut p = line(5, 0.2, 0.1);
+            let mut edges = Edges::new(&p, &[[0, 1], [1, 2], [2, 3], [3, 4]]).unwrap();
+            let mut implicit = ImplicitGroups::new(&p, &edges);
+            let share = Stiffness::damped(30.0, 0.5).share(dt);
+            for k in 0..1200 {
+                predict(&mut p, Vec3A::ZERO, dt);
+                match_shapes(&mut implicit, &mut p, share.into(), Turning::AllMembers, Sweep::only(dt));
+                crate::solve_distances(&mut edges, &mut p, share.into(), share.into(), Sweep::only(dt));
+                if k < 300 {
+                    for (i, y) in [(0, -0.15), (2, 0.15), (4, -0.15)] {
+                        let way = Vec3A::Y * (y - p.position[i].y);
+                        p.displace(i, way, 1.0 / dt);
+                    }
+                }
+                if let Some(plasticity) = plasticity {
+                    creep_shapes(&mut implicit, &p, plasticity, dt);
+                    creep_edges(&mut edges, &p, plasticity, dt);
+                }
+                integrate(&mut p, dt, 4.0);
+            }
+            let (a, b) = (p.position[1] - p.position[2], p.position[3] - p.position[2]);
+            libm::atan2f(a.cross(b).length(), -a.dot(b))
+        };
+        let plastic = Plasticity { yield_strain: 0.1, creep: 5.0, maximum: 0.6 };
+        let (elastic, bent, capped) = (bend_left(None), bend_left(Some(plastic)), bend_left(Some(Plasticity { maximum: 0.1, ..plastic })));
+        println!("bend left: elastic {elastic}, plastic {bent}, capped {capped}");
+        assert!(elastic < 0.02 && bent > 0.2 && capped < 0.6 * bent && capped > elastic);
+    }
+
+    /// Plastic flow keeps the volume, stays within its maximum and leaves what is below the yield alone.
+    #[test]
+    fn creep_keeps_volume_and_bounds() {
+        let (rest, pairs) = blob();
+        let edges = Edges::new(&rest, &pairs).unwrap();
+        let mut p = rest.clone();
+        for x in &mut p.position {
+            *x *= Vec3A::new(1.5, 1.0, 0.8);
+        }
+        let mut implicit = ImplicitGroups::new(&rest, &edges);
+        let before = implicit.clone();
+        creep_shapes(&mut implicit, &p, Plasticity { yield_strain: 1.0, creep: 10.0, maximum: 0.5 }, 0.1);
+        assert_eq!(implicit, before);
+        for (maximum, expected) in [(0.5, 0.35..0.5), (0.05, 0.045..0.052)] {
+            let mut implicit = before.clone();
+            for _ in 0..50 {
+                creep_shapes(&mut implicit, &p, Plasticity { yield_strain: 0.05, creep: 10.0, maximum }, 0.1);
+            }
+            let (way, size) = implicit
+                .rest
+                .iter()
+                .zip(&before.rest)
+                .fold((0.0, 0.0), |(w, s), (a, b)| (w + a.distance_squared(*b), s + b.length_squared()));
+            let strain: f32 = (way / size).sqrt();
+            println!("creep: {strain} of {maximum}");
+            assert!(expected.contains(&strain) || (maximum > 0.1 && strain > 0.15 && strain < 0.5), "{strain}");
+        }
+        let mut edges = edges;
+        let made = edges.rest_length.clone();
+        for _ in 0..100 {
+            creep_edges(&mut edges, &p, Plasticity { yield_strain: 0.05, creep: 10.0, maximum: 0.2 }, 0.1);
+        }
+        assert!(edges.rest_length.iter().zip(&made).all(|(a, b)| a / b < 1.2001 && a / b > 0.7999));
+        assert!(edges.rest_length.iter().zip(&made).any(|(a, b)| a / b > 1.19));
+    }
+}

@@ -38,9 +38,13 @@ mod landing;
 mod math;
 mod momentum;
 mod motor;
+mod movers;
 mod particles;
 mod plasticity;
 mod predict;
+mod push;
+#[cfg(test)]
+mod push_tests;
 mod rigid_groups;
 mod rotation;
 mod shape_matching;
@@ -49,6 +53,7 @@ mod solve_contacts;
 mod stiffness;
 #[cfg(test)]
 mod testing;
+mod ties;
 mod torsion;
 mod wind;
 
@@ -65,13 +70,16 @@ pub use landing::land_explicit_groups;
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};
 pub use motor::{Drive, Motor};
+pub use movers::{Foot, Movers, RigidMover};
 pub use particles::{ParticleError, ParticleRest, Particles};
 pub use plasticity::{Plasticity, creep_edges, creep_shapes};
 pub use predict::predict;
+pub use push::{PushContact, PushState, begin_pushes, solve_pushes, undo_overlaps};
 pub use rigid_groups::{match_explicit_groups, predict_explicit};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
+pub use ties::{Tie, solve_ties};
 pub use torsion::solve_torsion;
 pub use wind::blow;

@@ -3,4 +3,4 @@
 mod fixtures;
 pub mod render;
 
-pub use fixtures::{lattice, simulation, steps};
+pub use fixtures::{cube, lattice, simulation, simulation_at, steps};

@@ -1,7 +1,7 @@
 //! A snapshot of Rapier's colliders at the start of a step: where each is, how it moves, how it rubs.
 
 use polpo_solver::{quat_exp, quat_log};
-use rapier3d::dynamics::{CoefficientCombineRule, RigidBody, RigidBodySet, RigidBodyType};
+use rapier3d::dynamics::{CoefficientCombineRule, RigidBody, RigidBodyHandle, RigidBodySet, RigidBodyType};
 use rapier3d::geometry::{Collider, ColliderHandle, ColliderSet, InteractionGroups, TypedShape};
 use rapier3d::math::{Rotation, Vector};
 use rapier3d::parry::bounding_volume::Aabb;
@@ -21,6 +21,8 @@ pub struct Obstacles {
 #[derive(Clone, Debug)]
 pub(crate) struct Obstacle {
     pub(crate) handle: ColliderHandle,
+    /// The rigid body that it belongs to.
+    pub(crate) body: Option<RigidBodyHandle>,
     /// Of the rigid body, or of the collider if it has none: a place in the world whose floats are coarse far from the origin.
     anchor: Vector,
     /// From there to the collider's origin, which is fine everywhere.
@@ -143,6 +145,7 @@ impl Obstacle {
         bounds.maxs = bounds.maxs.max(end.maxs);
         Some(Self {
             handle,
+            body: collider.parent(),
             anchor,
             offset,
             rotation,
@@ -187,6 +190,11 @@ impl Obstacle {
     /// The velocity of its material at `at` at this moment \[m/s\].
     pub(crate) fn velocity_now_at(&self, at: Vector, frame: &Frame) -> Vector {
         self.velocity_now + self.angular_velocity.cross(at - frame.translation)
+    }
+
+    /// Whether it moves in this step.
+    pub(crate) fn moves(&self) -> bool {
+        self.velocity != Vector::ZERO || self.angular_velocity != Vector::ZERO
     }
 
     /// Whether it may come near the box `mins` … `maxs`, relative to `origin`, in this step.

@@ -5,14 +5,15 @@ use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo::{Collision, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, SoftBody, StepStart};
+use polpo::{Collision, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, SoftBody, StepStart, SubstepSchedule};
 
-use crate::{ContactDetector, DetectionInput, FreePositions, Obstacles, RapierWorld};
+use crate::push::Pushing;
+use crate::{ContactDetector, DetectionInput, FreePositions, Obstacles, RapierWorld, follower, push, touched};
 
 /// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
 ///
 /// In the step of `polpo::PolpoPlugin`, which must be in the same schedule: before [`PolpoSystems::Prepare`] each body's memory follows its origin; in [`PolpoSystems::DetectContacts`] the contacts
-/// are found; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
+/// are found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
 /// velocity they will have in it.
 pub struct PolpoRapierPlugin {
     schedule: Interned<dyn ScheduleLabel>,
@@ -43,19 +44,20 @@ pub enum RapierSystems {
 pub struct ContactMemory {
     free: FreePositions,
     /// Scratch memory of its own, so that bodies can be worked on side by side.
-    detector: ContactDetector,
+    pub(crate) detector: ContactDetector,
     /// The position of the first particle when contacts were last found, which tells by how much the origin has been shifted since.
     first: Option<Vec3A>,
 }
 
 /// The snapshot of the running step.
 #[derive(Resource, Default)]
-struct Surroundings(Obstacles);
+pub(crate) struct Surroundings(pub(crate) Obstacles);
 
 impl Plugin for PolpoRapierPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<RapierWorld>()
             .init_resource::<Surroundings>()
+            .init_resource::<Pushing>()
             .init_resource::<Gravity>()
             .register_required_components::<Contacts, ContactMemory>()
             .add_observer(forget)
@@ -63,11 +65,12 @@ impl Plugin for PolpoRapierPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    follow_origin.before(PolpoSystems::Prepare),
-                    detect_contacts.in_set(PolpoSystems::DetectContacts),
-                    step_rigid_bodies.in_set(RapierSystems::Step),
+                    (follow_origin, follower::lead, push::free_the_tied).before(PolpoSystems::Prepare),
+                    (detect_contacts, touched::list_touched, push::gather_movers).chain().in_set(PolpoSystems::DetectContacts),
+                    (push::hand_over, step_rigid_bodies, (follower::follow, push::note_reactions)).chain().in_set(RapierSystems::Step),
                 ),
-            );
+            )
+            .add_systems(SubstepSchedule, push::solve_pushes.after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate));
     }
 }
 

@@ -164,7 +164,8 @@ fn solve(contact: &mut PushContact, mover: &mut RigidMover, statics: &[Contact],
     let wb = mover.yielding(n, arm);
     let wn = w + spin * lever.length_squared();
     let PushState { before, free, held, .. } = contact.state;
-    if wn + wb <= 0.0 || (gap >= before.min(0.0) && free + held == 0.0) {
+    // Several bodies push one mover: a broken one must not break it.
+    if !(gap.is_finite() && arm.is_finite()) || wn + wb <= 0.0 || (gap >= before.min(0.0) && free + held == 0.0) {
         return;
     }
     let backing = if w > 0.0 { Backing::of(contact, statics, n, p, dt) } else { Backing { room: 0.0, first: None, way: Vec3A::ZERO } };

@@ -172,7 +172,7 @@ fn a_jelly_pushes_a_free_box() {
         let body = jelly(&mut app, cube(3, 0.6, 2.0), Vec3::X * -0.8, Vec3::X * 3.0);
         app.world_mut().entity_mut(body).insert(Damping { drag: 0.0, internal: 20.0 });
         let load = add_box(&mut app, Vec3::ZERO, Vec3::splat(0.3), 4.0);
-        rapier(&mut app).bodies[load].set_sleeping();
+        rapier(&mut app).bodies[load].sleep();
         steps(&mut app, (2.0 * rate) as usize);
         let (v, u) = (rigid(&app, load).linvel(), mean_velocity(&app, body));
         // Between a blow that does not bounce, 1 m/s, and one that does, 2 m/s.

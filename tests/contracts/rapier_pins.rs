@@ -52,7 +52,7 @@ fn a_pin_follows_a_driven_body() {
         for k in 0..120 {
             if !by_velocity {
                 let turn = Quat::from_rotation_y(0.05 * (k + 1) as f32);
-                rapier(&mut app).bodies[hook].set_next_kinematic_position(Pose { translation: Vec3::X * (0.02 * (k + 1) as f32), rotation: turn });
+                rapier(&mut app).bodies[hook].set_next_kinematic_position(Pose::from_parts(Vec3::X * (0.02 * (k + 1) as f32), turn));
             }
             steps(&mut app, 1);
             if k > 0 {

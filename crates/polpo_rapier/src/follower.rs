@@ -68,5 +68,5 @@ fn pose_after(body: &RigidBody, gravity: Vector, dt: f32) -> Pose {
     let center = now.rotation * body.local_center_of_mass();
     let rotation = (quat_exp((body.angvel() * dt).into()) * now.rotation).normalize();
     let way = (body.linvel() + fall * dt) * dt;
-    Pose { translation: now.translation + center + way - rotation * body.local_center_of_mass(), rotation }
+    Pose::from_parts(now.translation + center + way - rotation * body.local_center_of_mass(), rotation)
 }

@@ -152,6 +152,6 @@ pub(crate) fn hand_over(mover: &RigidMover, has_feet: bool, body: &mut RigidBody
     let rotation = (turn * place.rotation).normalize();
     let translation = place.translation + (Vector::from(way) + center - rotation * body.local_center_of_mass());
     if translation.is_finite() && rotation.is_finite() {
-        body.set_position(Pose { translation, rotation }, false);
+        body.set_position(Pose::from_parts(translation, rotation), false);
     }
 }

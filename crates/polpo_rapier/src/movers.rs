@@ -130,28 +130,40 @@ pub(crate) fn is_pushed(mover: &RigidMover) -> bool {
     (mover.impulse != Vec3A::ZERO || mover.angular_impulse != Vec3A::ZERO) && mover.impulse.is_finite() && mover.angular_impulse.is_finite()
 }
 
-/// Gives the rigid body what the soft ones gave its proxy in the step of `dt` \[s\].
+/// Gives the rigid body what the soft ones gave its proxy in the step of `dt` \[s\]: as a force, which Rapier spreads over its own `solver_steps` as it does gravity. As a blow at the step's start it
+/// would rattle what stands on the ground. To be taken off again after Rapier's step, by [`take_off`], from what the game itself applies.
 ///
-/// Rapier will move it by the velocity that it then has for the whole step, `solver_steps` times with a share of its acceleration; the proxy got it bit by bit. So that both end in the same place, the body is first
-/// moved by the difference: a box that lands in the middle of a step stops where it landed, and not above. Not one that has feet or joints: where those end, Rapier decides.
+/// Rapier gives a body the acceleration bit by bit, the proxy got its impulses when they came. So that both end in the same place, the body is first moved by the difference: a box that lands in the middle
+/// of a step stops where it landed, and not above. Not one that has feet or joints: where those end, Rapier decides.
 pub(crate) fn hand_over(mover: &RigidMover, has_feet: bool, body: &mut RigidBody, dt: f32, solver_steps: usize) {
     let (place, center) = (*body.position(), center_arm(body));
-    // Awake, but not anew each step: what lies under a resting soft body shall fall asleep with it.
-    if body.is_sleeping() {
+    // What stands on something under a resting soft body may fall asleep. What only soft bodies push may not, however slow it is: it would lose its momentum.
+    if body.is_sleeping() || !has_feet {
         body.wake_up(true);
     }
-    body.apply_impulse(mover.impulse.into(), false);
-    body.apply_torque_impulse(mover.angular_impulse.into(), false);
+    body.add_force(Vector::from(mover.impulse) / dt, false);
+    body.add_torque(Vector::from(mover.angular_impulse) / dt, false);
     if has_feet || mover.anchored {
         return;
     }
+    // Symplectic Euler in n steps moves by v·dt − ½(n − 1)/n·a·dt² for the velocity v at the end.
     let n = solver_steps.max(1) as f32;
-    let less = 0.5 * (n - 1.0) / n * dt;
-    let way = mover.way - (mover.velocity - mover.acceleration * less) * dt;
-    let turn = quat_exp(-(mover.angular_velocity - mover.angular_acceleration * less) * dt) * mover.rotation;
+    let less = 0.5 * (n - 1.0) / n;
+    let gained = mover.acceleration * dt + mover.impulse * mover.inverse_mass;
+    let turned = mover.angular_acceleration * dt + mover.inverse_inertia * mover.angular_impulse;
+    let way = mover.way - (mover.velocity - gained * less) * dt;
+    let turn = quat_exp(-(mover.angular_velocity - turned * less) * dt) * mover.rotation;
     let rotation = (turn * place.rotation).normalize();
     let translation = place.translation + (Vector::from(way) + center - rotation * body.local_center_of_mass());
     if translation.is_finite() && rotation.is_finite() {
         body.set_position(Pose::from_parts(translation, rotation), false);
     }
+}
+
+/// Leaves the body with the force and the torque that the game applies.
+pub(crate) fn take_off(body: &mut RigidBody, force: Vector, torque: Vector) {
+    body.reset_forces(false);
+    body.reset_torques(false);
+    body.add_force(force, false);
+    body.add_torque(torque, false);
 }

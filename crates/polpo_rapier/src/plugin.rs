@@ -67,7 +67,7 @@ impl Plugin for PolpoRapierPlugin {
                 (
                     (follow_origin, follower::lead, push::free_the_tied).before(PolpoSystems::Prepare),
                     (detect_contacts, touched::list_touched, push::gather_movers).chain().in_set(PolpoSystems::DetectContacts),
-                    (push::hand_over, step_rigid_bodies, (follower::follow, push::note_reactions)).chain().in_set(RapierSystems::Step),
+                    (push::hand_over, step_rigid_bodies, push::after_rapier, follower::follow).chain().in_set(RapierSystems::Step),
                 ),
             )
             .add_systems(SubstepSchedule, push::solve_pushes.after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate));

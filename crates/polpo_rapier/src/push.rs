@@ -6,7 +6,7 @@ use polpo::{Collision, Contacts, Frozen, Gravity, Particles, PinTarget, Pins, Su
 use polpo_solver::{Movers, PushContact, RigidMover, Tie, begin_pushes, solve_pushes as sweep_pushes, solve_ties, undo_overlaps};
 use rapier3d::dynamics::RigidBodyHandle;
 
-use crate::movers::{Reaction, add_feet, center_arm, hand_over as hand_over_one, is_pushable, is_pushed, mover_of};
+use crate::movers::{Reaction, add_feet, center_arm, hand_over as hand_over_one, is_pushable, is_pushed, mover_of, take_off};
 use crate::plugin::Surroundings;
 use crate::{ContactMemory, RapierWorld, RigidBodyFollower};
 
@@ -46,7 +46,9 @@ pub(crate) struct Pushing {
     movers: Movers,
     /// Theirs, in the same order.
     handles: Vec<RigidBodyHandle>,
-    /// The velocities with which those on joints went into Rapier's step, and what it made of them in the last.
+    /// The forces that the game applies to those that were pushed.
+    forces: Vec<(RigidBodyHandle, Vec3, Vec3)>,
+    /// The velocities that those on joints would have after Rapier's step without joints and gravity, and what these made of them in the last.
     sent: Vec<(RigidBodyHandle, Vec3, Vec3)>,
     reactions: Vec<Reaction>,
 }
@@ -202,28 +204,40 @@ pub(crate) fn solve_pushes(
 
 /// Before Rapier's step: rigid bodies get what their proxies got.
 pub(crate) fn hand_over(time: Res<Time>, mut pushing: ResMut<Pushing>, mut world: ResMut<RapierWorld>) {
-    let Pushing { movers, handles, sent, .. } = &mut *pushing;
+    let Pushing { movers, handles, forces, sent, .. } = &mut *pushing;
+    forces.clear();
     sent.clear();
     let (dt, solver_steps) = (time.delta_secs(), world.parameters.num_solver_iterations);
+    if dt <= 0.0 {
+        return;
+    }
     for (index, (mover, &handle)) in movers.list.iter().zip(&*handles).enumerate() {
         // Asking for it mutably would already count as a change.
         if is_pushed(mover)
             && let Some(body) = world.bodies.get_mut(handle)
         {
+            forces.push((handle, body.user_force(), body.user_torque()));
             let has_feet = movers.feet.iter().any(|foot| foot.mover as usize == index);
             hand_over_one(mover, has_feet, body, dt, solver_steps);
         }
         if mover.anchored
             && let Some(body) = world.bodies.get(handle)
         {
-            sent.push((handle, body.linvel(), body.angvel()));
+            let given = Vec3::from(mover.impulse * mover.inverse_mass);
+            let spun = Vec3::from(mover.inverse_inertia * mover.angular_impulse);
+            sent.push((handle, body.linvel() + given, body.angvel() + spun));
         }
     }
 }
 
-/// After it: what its joints did.
-pub(crate) fn note_reactions(time: Res<Time>, mut pushing: ResMut<Pushing>, world: Res<RapierWorld>) {
-    let Pushing { sent, reactions, .. } = &mut *pushing;
+/// After it: takes the impulses off again, and notes what joints did.
+pub(crate) fn after_rapier(time: Res<Time>, mut pushing: ResMut<Pushing>, mut world: ResMut<RapierWorld>) {
+    let Pushing { forces, sent, reactions, .. } = &mut *pushing;
+    for (handle, force, torque) in forces.drain(..) {
+        if let Some(body) = world.bodies.get_mut(handle) {
+            take_off(body, force, torque);
+        }
+    }
     reactions.clear();
     let dt = time.delta_secs();
     if dt > 0.0 {

@@ -79,47 +79,85 @@ fn momenta(app: &App, softs: &[Entity], rigids: &[RigidBodyHandle]) -> [DVec3; 2
     sum
 }
 
-/// What the best rival fails at: it throws the cube out. The box falls by 10 cm onto a soft cube of 1 kg and ends lying on it, flat or not, as on the ground.
+/// What came of a cube of `n`³ balls, 0.6 m and 1 kg, and a slab of `mass` dropped on it by 2 cm, after four seconds.
+struct Crush {
+    case: String,
+    /// Height of the slab's underside \[m\].
+    under: f32,
+    /// 1 − cos of its tilt, and how far it went sideways \[m\].
+    tilt: f32,
+    aside: f32,
+    /// Its greatest speed in the last second \[m/s\].
+    rest: f32,
+    /// How far from the middle a particle came, and is \[m\].
+    out: [f32; 2],
+    /// How deep a particle was in anything, and is \[m\].
+    deep: [f32; 2],
+}
+
+/// The slab is flat and wide: a tall box would tip off a jelly whose stiffness against tilting is less than m·g·h, and should.
+fn crush(n: usize, stiffness: f32, mass: f32, rate: f32, substeps: u32) -> Crush {
+    let mut app = simulation_at(f64::from(rate));
+    app.insert_resource(SolverSettings { substeps, iterations: 1 });
+    floor(&mut app);
+    let body = jelly(&mut app, cube(n, 0.6, 1.0), Vec3::Y * 0.3, Vec3::ZERO);
+    let damped = (ShapeMatching::new(Stiffness::damped(stiffness, 1.0)), Damping { drag: 0.0, internal: 20.0 });
+    app.world_mut().entity_mut(body).insert(damped);
+    let load = add_box(&mut app, Vec3::Y * 0.72, Vec3::new(0.4, 0.1, 0.4), mass);
+    let far = |app: &App| centers(app, body).map(|x| x.x.abs().max(x.z.abs())).fold(0.0, f32::max);
+    let (mut rest, mut out, mut deep) = (0.0f32, 0.0f32, 0.0f32);
+    for k in 0..(4.0 * rate) as usize {
+        steps(&mut app, 1);
+        assert!(soft(&app, body).1.is_finite());
+        out = out.max(far(&app));
+        deep = deep.max(penetration(&app, body));
+        if k as f32 >= 3.0 * rate {
+            rest = rest.max(rigid(&app, load).linvel().length());
+        }
+    }
+    let place = rigid(&app, load).position();
+    let result = Crush {
+        case: format!("{n}³, {stiffness} Hz, {mass} kg, {substeps} substeps at {rate} Hz"),
+        under: place.translation.y - 0.1,
+        tilt: 1.0 - (place.rotation * Vec3::Y).y,
+        aside: place.translation.xz().length(),
+        rest,
+        out: [out, far(&app)],
+        deep: [deep, penetration(&app, body)],
+    };
+    let Crush { case, under, tilt, aside, rest, out, deep } = &result;
+    println!("{case}: slab at {under:.5} m, tilt {tilt:.0e}, aside {aside:.4}, {rest:.0e} m/s, particles out to {out:.3?}, deep {:.1e} then {:.1e}", deep[0], deep[1]);
+    result
+}
+
+/// What the best rival fails at: it throws the cube out. The slab presses it flat, and lies on its particles as on the ground.
 #[test]
 fn a_soft_cube_stays_under_a_tonne() {
     for n in [3, 5] {
         for mass in [100.0, 1000.0] {
             for rate in [30.0, 60.0, 240.0] {
-                let mut app = simulation_at(rate);
-                floor(&mut app);
-                if let Some(n) = std::env::var("SUB").ok().and_then(|s| s.parse::<f64>().ok()) { app.insert_resource(SolverSettings { substeps: (n / rate) as u32, iterations: 1 }); }
-                let side = 0.6;
-                let body = jelly(&mut app, cube(n, side, 1.0), Vec3::Y * (0.5 * side), Vec3::ZERO);
-                // A flat one: a cube of that weight would tip off a jelly whose walls are softer than m·g·h, and should.
-                let load = add_box(&mut app, Vec3::Y * (side + 0.12), Vec3::new(0.4, 0.1, 0.4), mass);
-                app.world_mut().entity_mut(body).insert((ShapeMatching::new(Stiffness::damped(std::env::var("HZ").map_or(25.0, |s| s.parse().unwrap()), std::env::var("ZETA").map_or(1.0, |s| s.parse().unwrap()))), Damping { drag: 0.0, internal: std::env::var("INT").map_or(20.0, |s| s.parse().unwrap()) }));
-                let radius = 0.5 * side / n as f32;
-                let (mut out, mut deepest, mut up, mut rest) = (0.0f32, 0.0f32, 0.0f32, 0.0f32);
-                let total = (4.0 * rate) as usize;
-                for k in 0..total {
-                    steps(&mut app, 1);
-                    assert!(soft(&app, body).1.is_finite());
-                    out = centers(&app, body).map(|x| x.x.abs().max(x.z.abs())).fold(out, f32::max);
-                    deepest = deepest.max(penetration(&app, body));
-                    up = up.max(rigid(&app, load).linvel().y);
-                }
-                let under = rigid(&app, load).translation().y - 0.1;
-                let tilt = 1.0 - (rigid(&app, load).rotation() * Vec3::Y).y;
-                let moved = rigid(&app, load).translation().xz().length();
-                let last = penetration(&app, body);
-                let fastest = soft(&app, body).1.velocity.iter().map(|v| v.length()).fold(0.0, f32::max);
-                println!(
-                    "{n}³ {mass:5} kg {rate:3} Hz: box at {under:.4} ({:.4} jammed), tilt {tilt:.1e}, aside {moved:.4}, up {up:.3} m/s, rest {rest:.1e} m/s; \
-                     particles out to {out:.3}, deepest {deepest:.4}, at the end {last:.1e} m, {fastest:.2} m/s",
-                    2.0 * radius,
-                );
-                let case = format!("{n}³, {mass} kg, {rate} Hz");
-                if std::env::var("TRACE").is_ok() { continue; }
-                assert!(under > 2.0 * radius - 1e-3 && under < side, "{case}: box at {under}");
-                assert!(out < 0.5, "{case}: out to {out}");
-                assert!(rest < 1e-2, "{case}: still at {rest} m/s");
+                let c = crush(n, 2.0, mass, rate, 5);
+                let jammed = 0.6 / n as f32;
+                assert!((c.under - jammed).abs() < 1e-4 && c.tilt < 1e-6, "{}: at {} {}", c.case, c.under, c.tilt);
+                assert!(c.rest < 2e-3 && c.aside < 0.03, "{}: {} m/s, {} m aside", c.case, c.rest, c.aside);
+                // The slab reaches out to 0.4 m: a ball may lie half under its rim.
+                assert!(c.out[0] < 0.45, "{}: out to {:?}", c.case, c.out);
+                // While it is pressed flat at 3 m/s, particles shoot up into the slab that were out of its reach when the step's planes were found.
+                let most = if rate < 50.0 { 0.15 } else if rate < 100.0 { 0.1 } else { 0.01 };
+                assert!(c.deep[0] < most && c.deep[1] < 1e-6, "{}: deep {:?}", c.case, c.deep);
             }
         }
+    }
+}
+
+/// A stiff cube carries 100 kg as a spring does, the same at every step rate if the substeps are the same.
+#[test]
+fn a_stiff_cube_carries_a_slab() {
+    let carried: Vec<Crush> = [(30.0, 80), (60.0, 40), (240.0, 10)].map(|(rate, substeps)| crush(3, 50.0, 100.0, rate, substeps)).into();
+    for c in &carried {
+        assert!((c.under - carried[2].under).abs() < 1e-3 && c.under > 0.57, "{}: {}", c.case, c.under);
+        assert!(c.rest < 1e-2 && c.aside < 5e-3 && c.tilt < 1e-5, "{}: {} m/s, {} m", c.case, c.rest, c.aside);
+        assert!(c.out[0] < 0.21 && c.deep[0] < 1e-3, "{}: {:?} {:?}", c.case, c.out, c.deep);
     }
 }
 
@@ -139,7 +177,7 @@ fn a_jelly_carries_a_light_box() {
         let y = rigid(&app, load).translation().y - 0.15;
         println!("{rate} Hz: box at {y:.4} m, rest {rest:.1e} m/s, {:.1e} m deep", penetration(&app, body));
         assert!(y > 0.72 && y < 0.8, "{rate} Hz: {y}");
-        assert!(rest < 0.02, "{rate} Hz: {rest} m/s");
+        assert!(rest < 2e-3, "{rate} Hz: {rest} m/s");
     }
 }
 
@@ -160,7 +198,7 @@ fn a_collision_keeps_momentum() {
         let error = [0, 1].map(|k| (after[k] - before[k]).length() / before[k].length());
         println!("{rate} Hz: ball {speed}, jelly {}, dP {:.1e}, dL {:.1e}", mean_velocity(&app, body), error[0], error[1]);
         assert!(speed.x < 3.0 && mean_velocity(&app, body).x > speed.x, "{speed}");
-        assert!(error[0] < 1e-5 && error[1] < 1e-2, "{error:?}");
+        assert!(error[0] < 1e-5 && error[1] < 1e-3, "{error:?}");
     }
 }
 
@@ -203,7 +241,7 @@ fn a_seesaw_tips() {
             let inertia = 5.0 * (3.0f32.powi(2) + 0.1f32.powi(2)) / 12.0 + 2.0 * (1.0 + 0.25f32.powi(2));
             let expected = 2.0 * 9.81 / inertia * 0.3;
             println!("{rate} Hz, {side}: {angle} rad, {turn} rad/s, about {expected}");
-            assert!((turn * -side / expected - 1.0).abs() < 0.15, "{turn} against {expected}");
+            assert!((turn * -side / expected - 1.0).abs() < 0.01, "{turn} against {expected}");
         }
     }
 }
@@ -223,9 +261,9 @@ fn a_crate_under_a_jelly_does_not_jitter() {
         moved = moved.max((rigid(&app, support).translation() - Vec3::Y * 0.25).length());
     }
     println!("crate {fastest:.1e} m/s, {moved:.1e} m, jelly {} {:.1e} deep", mean_velocity(&app, body), penetration(&app, body));
-    assert!(fastest < 0.01 && moved < 5e-3, "{fastest} m/s, {moved} m");
-    assert!(mean_velocity(&app, body).length() < 0.01);
-    assert!(penetration(&app, body) < 2e-3);
+    assert!(fastest < 1e-4 && moved < 5e-4, "{fastest} m/s, {moved} m");
+    assert!(mean_velocity(&app, body).length() < 1e-4);
+    assert!(penetration(&app, body) < 1e-6);
 }
 
 /// Three jellies under one plate carry it together, in the same bits every time.

@@ -62,7 +62,8 @@ fn a_pin_follows_a_driven_body() {
             }
         }
         println!("by velocity {by_velocity}: {worst:.1e} m");
-        assert!(worst < 1e-4, "{worst} m away");
+        // Rapier turns a body by small steps, the pin by the whole one.
+        assert!(worst < 2e-4, "{worst} m away");
         let shown = app.world().get::<Transform>(follower).unwrap();
         assert_eq!(shown.translation, rigid(&app, hook).translation());
     }
@@ -118,8 +119,8 @@ fn a_pair_on_a_pin_keeps_momentum() {
             let error = [0, 1].map(|k| (after[k] - before[k]).length() / before[0].length());
             println!("{rate} Hz, clamped {clamped}: pin {worst:.1e} m, dP {:.1e}, dL {:.1e}, ball {}", error[0], error[1], rigid(&app, ball).linvel());
             assert!(rigid(&app, ball).linvel().length() > 0.3);
-            assert!(worst < 5e-3, "{worst} m");
-            assert!(error[0] < 1e-5 && error[1] < 1e-3, "{error:?}");
+            assert!(worst < 5e-5, "{worst} m");
+            assert!(error[0] < 1e-5 && error[1] < 2e-4, "{error:?}");
         }
     }
 }

@@ -20,6 +20,7 @@
 
 mod block_cholesky;
 mod calibrated_edges;
+mod check;
 mod coloring;
 mod contacts;
 mod damping;
@@ -53,7 +54,8 @@ mod torsion;
 mod wind;
 
 pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
-pub use contacts::{Contact, Contacts};
+pub use check::StateError;
+pub use contacts::{Contact, Contacts, FreePositions};
 pub use damping::damp_internally;
 pub use distance::solve_distances;
 pub use edges::{EdgeError, Edges};

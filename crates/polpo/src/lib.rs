@@ -21,7 +21,7 @@
 //! # One capability, one component
 //!
 //! What a body can do is what it has: [`ShapeMatching`] holds its shape, [`DistanceConstraints`] the length of its edges, [`Torsion`] resists twist, [`Damping`] lets its wobble die,
-//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind. Remove the component and neither its code nor its data is there any more. The first four come with every
+//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind, [`Sleep`] lets it rest. Remove the component and neither its code nor its data is there any more. The first four come with every
 //! [`SoftBody`]; put your own values beside it when you spawn it.
 //!
 //! # The step
@@ -37,6 +37,7 @@ mod grab;
 mod gravity;
 mod integrate;
 mod keep_momentum;
+mod parameters;
 mod particles;
 mod pins;
 mod predict;
@@ -44,6 +45,8 @@ mod rider;
 mod rods;
 mod schedule;
 mod shape_matching;
+mod sleep;
+mod snapshot;
 mod state_hash;
 mod stiffness;
 mod timings;
@@ -55,20 +58,23 @@ mod writeback;
 pub mod render;
 
 pub use bodies::{InitialVelocity, RejectReason, SoftBody, SoftBodyRejected};
-pub use collision::{Collision, Contacts};
+pub use collision::{Collision, ContactMemory, Contacts};
 pub use damping::Damping;
 pub use distance::DistanceConstraints;
-pub use freeze::{BodyFrozen, Frozen};
+pub use freeze::{BodyFrozen, FreezeReason, Frozen};
 pub use grab::Grab;
 pub use gravity::{Gravity, GravityScale};
 pub use keep_momentum::KeepMomentum;
-pub use particles::{Edges, Particles, StepStart};
+pub use parameters::ParameterRefused;
+pub use particles::{Awake, Edges, Particles, StepStart};
 pub use pins::{Pin, PinBroken, PinState, PinTarget, Pins};
-pub use polpo_solver::{Material, Section, Stiffness, Turning};
+pub use polpo_solver::{Material, Section, StateError, Stiffness, Turning};
 pub use rider::ParticleAnchor;
 pub use rods::{CalibratedEdges, Rods};
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
 pub use shape_matching::{ImplicitGroups, ShapeMatching};
+pub use sleep::{Sleep, Sleeping, Stillness};
+pub use snapshot::{BodySnapshot, SnapshotError};
 pub use state_hash::state_hash;
 pub use stiffness::{EdgeStiffness, ParticleStiffness};
 pub use timings::{PolpoTimingsPlugin, StepTimings};
@@ -81,6 +87,7 @@ pub mod prelude {
     pub use crate::render::PolpoRenderPlugin;
     pub use crate::{
         AirDrag, BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity, KeepMomentum,
-        ParticleAnchor, Pin, Pins, PolpoPlugin, PolpoSystems, ShapeMatching, SoftBody, SolverSettings, Stiffness, Torsion, Wind,
+        ParticleAnchor, Pin, Pins, PolpoPlugin, PolpoSystems, ShapeMatching, Sleep, Sleeping, SoftBody, SolverSettings, Stiffness, Torsion,
+        Wind,
     };
 }

@@ -22,7 +22,7 @@ use crate::{
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 #[require(Stillness)]
 pub struct Sleep {
-    /// A body is quiet while none of its particles is faster than this many of its radii of gyration a second \[1/s\]: so a body of 0.3 m while none is faster than 3 mm/s at the default 0.01. Range 0 and below,
+    /// A body is quiet while none of its particles gets on faster than this many of its radii of gyration a second \[1/s\]: so a body of 0.3 m while none is faster than 3 mm/s at the default 0.01. Range 0 and below,
     /// NaN (never) to infinity (always).
     pub speed: f32,
     /// How long it has to be quiet before it sleeps \[s\]; default 0.5. Range 0 (at once) to infinity (never); NaN is never.
@@ -181,8 +181,8 @@ pub(crate) fn fall_asleep(
     for_each_body(
         &mut bodies,
         |(_, particles, ..)| 5 * particles.len(),
-        |(_, particles, _, sleep, mut stillness, _)| {
-            stillness.0 = if is_quiet(&particles, sleep.speed) { stillness.0 + dt } else { 0.0 };
+        |(_, particles, start, sleep, mut stillness, _)| {
+            stillness.0 = if is_quiet(&particles, &start, sleep.speed, dt) { stillness.0 + dt } else { 0.0 };
         },
     );
     for (entity, mut particles, mut start, sleep, mut stillness, drag) in &mut bodies {
@@ -200,19 +200,22 @@ pub(crate) fn fall_asleep(
     }
 }
 
-/// Whether no particle moves, or turns with its rim, faster than `speed` times the body's radius of gyration a second.
-fn is_quiet(particles: &Particles, speed: f32) -> bool {
-    // NaN and what is negative are not above 0.
-    if !(speed > 0.0) {
-        return false;
-    }
-    let (mut fastest, mut size, mut mass) = (0.0f32, 0.0, 0.0);
-    for i in 0..particles.len() {
+/// Whether no particle went, or turned with its rim, faster than `speed` times the body's radius of gyration a second, in the step of `dt` \[s\] that began at `start`.
+///
+/// What it went, not its velocity and spin: where constraints and contacts turn a particle to and fro within a substep, about different axes, those turns add up to a spin of a radian a second and more that is no turn in the
+/// end (rotations do not commute).
+fn is_quiet(particles: &Particles, start: &StepStart, speed: f32, dt: f32) -> bool {
+    let (mut farthest, mut size, mut mass) = (0.0f32, 0.0, 0.0);
+    for (i, (then, turned)) in start.position.iter().zip(&start.rotation).enumerate().take(particles.len()) {
         // A third of the sum of the squared half axes: the square of their mean, near enough.
         let own = particles.radii[i].length_squared() * (1.0 / 3.0);
-        fastest = fastest.max(particles.velocity[i].length_squared() + particles.angular_velocity[i].length_squared() * own);
+        // Of a small turn by θ, 4·|vector part|² is θ².
+        let turn = particles.rotation[i] * turned.inverse();
+        let angle2 = 4.0 * turn.xyz().length_squared();
+        farthest = farthest.max(particles.position[i].distance_squared(*then) + angle2 * own);
         size += particles.mass[i] * (particles.position[i].length_squared() + own);
         mass += particles.mass[i];
     }
-    fastest * mass <= speed * speed * size
+    // Also false for a speed that is negative or NaN.
+    speed > 0.0 && farthest * mass <= speed * speed * dt * dt * size
 }

@@ -18,11 +18,14 @@
 //!
 //! SI throughout: m, kg, s, rad. Stiffness is a frequency in hertz, see [`Stiffness`].
 
+#[cfg(test)]
+mod beam_tests;
 mod block_cholesky;
 mod calibrated_edges;
 mod coloring;
 mod contacts;
 mod damping;
+mod direct_edges;
 mod distance;
 mod edges;
 mod ellipsoid;
@@ -35,6 +38,7 @@ mod integrate;
 mod joint_tests;
 mod joints;
 mod landing;
+mod material;
 mod math;
 mod momentum;
 mod motor;
@@ -42,6 +46,7 @@ mod particles;
 mod plasticity;
 mod predict;
 mod rigid_groups;
+mod rods;
 mod rotation;
 mod shape_matching;
 mod soft_groups;
@@ -52,9 +57,10 @@ mod testing;
 mod torsion;
 mod wind;
 
-pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
+pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
 pub use contacts::{Contact, Contacts};
 pub use damping::damp_internally;
+pub use direct_edges::DirectEdges;
 pub use distance::solve_distances;
 pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
@@ -62,6 +68,7 @@ pub use explicit_groups::{Deformable, ExplicitGroup, ExplicitGroups, GroupError}
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;
 pub use landing::land_explicit_groups;
+pub use material::{CalibrationError, Material, Section};
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};
 pub use motor::{Drive, Motor};

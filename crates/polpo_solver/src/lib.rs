@@ -54,7 +54,7 @@ mod wind;
 
 pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
 pub use contacts::{Contact, Contacts};
-pub use damping::damp_internally;
+pub use damping::{damp_beside, damp_internally};
 pub use distance::solve_distances;
 pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
@@ -68,7 +68,7 @@ pub use motor::{Drive, Motor};
 pub use particles::{ParticleError, ParticleRest, Particles};
 pub use plasticity::{Plasticity, creep_edges, creep_shapes};
 pub use predict::predict;
-pub use rigid_groups::{match_explicit_groups, predict_explicit};
+pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_explicit};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;

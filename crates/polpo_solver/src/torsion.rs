@@ -19,7 +19,7 @@ pub fn solve_torsion(edges: &mut Edges, particles: &mut Particles, shares: Share
         let d = particles.position[j] - particles.position[i];
         let length2 = d.length_squared();
         let (wi, wj) = (particles.inverse_inertia[i], particles.inverse_inertia[j]);
-        if !(length2 > 0.0 && wi + wj > 0.0) {
+        if !(length2 > 0.0 && wi + wj > 0.0) || edges.held.get(e).is_some_and(|&held| held) {
             continue;
         }
         let share = shares.of(edges.input[e] as usize);

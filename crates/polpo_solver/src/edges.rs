@@ -1,5 +1,7 @@
 //! Edges: the pairs of particles that hold on to each other.
 
+use glam::Quat;
+
 use crate::coloring::color_rows;
 use crate::{ExplicitGroups, Particles};
 
@@ -48,6 +50,10 @@ pub struct Edges {
     /// What each edge has been stretched in this substep \[m\], and twisted \[rad\]; empty with one sweep a substep.
     pub(crate) stretch: Vec<f32>,
     pub(crate) twist: Vec<f32>,
+    /// By how much plastic flow has made each edge longer, as a factor; empty while nothing has flowed.
+    pub(crate) flow: Vec<f32>,
+    /// q_j⁻¹·q_i of the rotations that the ends have in the rest pose; empty while they have none.
+    pub(crate) rest_turn: Vec<Quat>,
     /// Whether each edge rests because a rigid group holds both its ends; empty if none ever does.
     pub(crate) held: Vec<bool>,
     /// Where each colour starts in `pairs`, and the end of the last.

@@ -222,7 +222,7 @@ fn a_motor_reaches_its_speed_and_pushes_back() {
     assert!((momentum(&p).angular - Vec3A::Z * 0.5).length() < 1e-4, "{}", momentum(&p).angular);
 }
 
-fn floor(particle: u32) -> Contact {
+pub(crate) fn floor(particle: u32) -> Contact {
     Contact {
         particle,
         friction: 0.8,

@@ -43,6 +43,8 @@ mod plasticity;
 mod predict;
 mod rest_pose;
 mod rigid_groups;
+#[cfg(test)]
+mod rolling_tests;
 mod rotation;
 mod shape_matching;
 mod soft_groups;

@@ -154,7 +154,13 @@ pub fn predict_explicit(groups: &mut ExplicitGroups, particles: &mut Particles, 
 /// *Soft*: as [`match_shapes`](crate::match_shapes), with the group's stiffness, and its angular momentum is restored afterwards; a shared particle is pulled by one group after the other.
 pub fn match_explicit_groups(groups: &mut ExplicitGroups, particles: &mut Particles, sweep: Sweep) {
     match_soft_groups(groups, particles, sweep);
-    let time = f64::from(sweep.dt);
+    hold_explicit_groups(groups, particles, sweep.dt);
+}
+
+/// The rigid half of [`match_explicit_groups`]: for what moves members outside the sweeps, a hand or the restoring of angular momentum, in a substep of `dt` \[s\]. To be called before contacts are solved,
+/// since [`land_explicit_groups`](crate::land_explicit_groups) takes everything that it finds changed for a contact's doing.
+pub fn hold_explicit_groups(groups: &mut ExplicitGroups, particles: &mut Particles, dt: f32) {
+    let time = f64::from(dt);
     for g in 0..groups.len() {
         if groups.bodies[g].acting && is_touched(groups, particles, g) {
             read(groups, particles, g, false);
@@ -176,7 +182,7 @@ pub(crate) fn finish(groups: &mut ExplicitGroups, particles: &mut Particles, dt:
     }
 }
 
-/// Finds out which groups are rigid now, who shares which particle, and what is pinned; makes the joints anew if any of that has changed.
+/// Finds out which groups are rigid now, who shares which particle, what it weighs and what is pinned; makes the joints anew if any of that has changed. That allocates; a substep that changes nothing does not.
 fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
     let mut same = true;
     for g in 0..groups.len() {
@@ -186,13 +192,15 @@ fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
         for k in groups.row(g) {
             let i = groups.shape.members[k] as usize;
             let pinned = [particles.inverse_mass[i] == 0.0, particles.inverse_inertia[i] == 0.0];
-            same &= groups.held[k].pinned == pinned;
-            groups.held[k].pinned = pinned;
+            let held = &mut groups.held[k];
+            same &= held.pinned == pinned && (!acting || held.mass == particles.mass[i] / held.sharers.max(1) as f32);
+            held.pinned = pinned;
         }
     }
     if same {
         return;
     }
+    groups.revision = groups.revision.wrapping_add(1);
     let mut sharers = vec![0u32; particles.len()];
     for g in (0..groups.len()).filter(|&g| groups.bodies[g].acting) {
         for k in groups.row(g) {

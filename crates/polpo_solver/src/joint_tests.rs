@@ -31,7 +31,8 @@ fn a_double_pendulum_keeps_its_energy_and_its_joint() {
     }
 }
 
-/// A chain of two-particle links whose masses go 1 : 10 : 1 … stays together, and in free flight keeps P and L.
+/// A chain of two-particle links whose masses go 1 : 10 : 1 … stays together, and in free flight keeps P and L, whatever the order of its links. (Every other one first, half of them carry nobody's spin:
+/// needles without inertia about themselves.)
 #[test]
 fn jointed_links_keep_momentum_in_free_flight() {
     let rest: Vec<ParticleRest> = (0..9)
@@ -42,9 +43,9 @@ fn jointed_links_keep_momentum_in_free_flight() {
             mass: if i % 2 == 0 { 0.3 } else { 3.0 },
         })
         .collect();
-    for substeps in [5, 20] {
+    for (substeps, order) in [(5, [0, 1, 2, 3, 4, 5, 6, 7]), (20, [0, 1, 2, 3, 4, 5, 6, 7]), (5, [0, 2, 4, 6, 1, 3, 5, 7])] {
         let mut p = Particles::new(&rest).unwrap();
-        let links: Vec<[u32; 2]> = (0..8).map(|i| [i, i + 1]).collect();
+        let links: Vec<[u32; 2]> = order.iter().map(|&i| [i, i + 1]).collect();
         let mut groups = rigid(&p, &links.iter().map(|l| &l[..]).collect::<Vec<_>>());
         let mut random = Random(9);
         p.set_rigid_velocity(Vec3A::new(0.3, 0.2, -0.1), Vec3A::new(0.5, 1.0, 3.0));

@@ -276,9 +276,6 @@ pub(crate) fn read(groups: &mut ExplicitGroups, particles: &Particles, g: usize,
             a += (Mat3A::from_quat(q[i]) * shape.moment[i]).as_dmat3();
         }
     }
-    // A needle of points without spin does not resist turning about itself: 10⁻¹² of the rest does, so that there is an inverse. (More would show: it is lost from L each time.)
-    let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
-    inertia += DMat3::from_diagonal(DVec3::splat(1e-12 * trace));
     let guess = body.end.rotation;
     let rotation = refine(
         a,
@@ -288,7 +285,7 @@ pub(crate) fn read(groups: &mut ExplicitGroups, particles: &Particles, g: usize,
     body.mass = mass;
     body.rest_center = rest_center;
     body.inertia = inertia;
-    body.inverse_inertia = invert(inertia);
+    body.inverse_inertia = invert_inertia(inertia);
     body.linear = linear;
     body.angular = angular;
     let pose = Pose { center, rotation };
@@ -298,6 +295,22 @@ pub(crate) fn read(groups: &mut ExplicitGroups, particles: &Particles, g: usize,
     } else {
         body.end = pose;
     }
+}
+
+/// J⁻¹, and for a needle of points without spin, which resists every turn but the one about itself, (J + t·n·nᵀ)⁻¹ − n·nᵀ/t with n along it and t the trace: it does not turn about itself. A little
+/// inertia instead would let what rounding makes of L along n spin it ever faster. No other body of masses has a singular J, but a point, which gets zero.
+fn invert_inertia(j: DMat3) -> DMat3 {
+    let trace = j.x_axis.x + j.y_axis.y + j.z_axis.z;
+    // Columns of the adjugate, all along n if J·n = 0.
+    let adjugate = [j.y_axis.cross(j.z_axis), j.z_axis.cross(j.x_axis), j.x_axis.cross(j.y_axis)];
+    if adjugate[0].dot(j.x_axis) > 1e-9 * trace * trace * trace {
+        return invert(j);
+    }
+    let n = adjugate.into_iter().fold(DVec3::ZERO, |best, c| if c.length_squared() > best.length_squared() { c } else { best });
+    let n = n.normalize_or_zero();
+    let along = DMat3::from_cols(n * n.x, n * n.y, n * n.z);
+    let inverse = invert(j + along * trace) - along * (1.0 / trace);
+    if inverse.is_finite() { inverse } else { DMat3::ZERO }
 }
 
 /// The rotation of polar(A) to the digits of `f64`, from `found`, its value in `f32`, or from `guess` if that is as near: Newton's steps as in [`extract_rotation`]. What A leaves open is left alone.

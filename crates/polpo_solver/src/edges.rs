@@ -1,7 +1,7 @@
 //! Edges: the pairs of particles that hold on to each other.
 
 use crate::Particles;
-use crate::coloring::color_rows;
+use crate::coloring::{color_rows, rank};
 
 /// What is wrong with an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,7 +36,7 @@ pub enum EdgeError {
     },
 }
 
-/// Edges sorted by colour: edges of one colour share no particle.
+/// Edges sorted by colour, and by where they are at rest: edges of one colour share no particle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edges {
     /// Ends of each edge.
@@ -77,7 +77,14 @@ impl Edges {
                 return Err(EdgeError::Duplicate { edge: two[1].2, a: two[1].0, b: two[1].1 });
             }
         }
-        let (order, colors) = color_rows(count, pairs.iter().map(|p| p.as_slice()));
+        let rank = rank(&particles.rest_position);
+        let mut input: Vec<u32> = (0..pairs.len() as u32).collect();
+        input.sort_by_key(|&e| {
+            let [a, b] = pairs[e as usize].map(|i| rank[i as usize]);
+            (a.min(b), a.max(b))
+        });
+        let (order, colors) = color_rows(count, input.iter().map(|&e| pairs[e as usize].as_slice()));
+        let order: Vec<u32> = order.iter().map(|&k| input[k as usize]).collect();
         let pairs: Vec<[u32; 2]> = order.iter().map(|&e| pairs[e as usize]).collect();
         let rest_length =
             pairs.iter().map(|&[a, b]| particles.rest_position[a as usize].distance(particles.rest_position[b as usize])).collect();

@@ -251,7 +251,7 @@ proptest! {
     #[test]
     fn rigid_groups(seed: u64, shared in 0usize..3, motor in 0usize..3) {
         let mut random = Random(seed);
-        let drive = [None, Some(Drive::Torque(3.0)), Some(Drive::Speed { target: 5.0, max_torque: 2.0 })][motor];
+        let drive = [None, Some(Drive::Torque(300.0)), Some(Drive::Speed { target: 5.0, max_torque: 200.0 })][motor];
         let (mut p, mut groups) = linkage(&mut random, shared, drive);
         for i in 0..p.len() {
             p.velocity[i] = random.vector() * 3.0;

@@ -2,7 +2,7 @@
 
 use glam::Quat;
 
-use crate::coloring::color_rows;
+use crate::coloring::{color_rows, rank};
 use crate::{ExplicitGroups, Particles};
 
 /// What is wrong with an edge.
@@ -38,7 +38,7 @@ pub enum EdgeError {
     },
 }
 
-/// Edges sorted by colour: edges of one colour share no particle.
+/// Edges sorted by colour, and by where they are at rest: edges of one colour share no particle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edges {
     /// Ends of each edge.
@@ -85,7 +85,14 @@ impl Edges {
                 return Err(EdgeError::Duplicate { edge: two[1].2, a: two[1].0, b: two[1].1 });
             }
         }
-        let (order, colors) = color_rows(count, pairs.iter().map(|p| p.as_slice()));
+        let rank = rank(&particles.rest_position);
+        let mut input: Vec<u32> = (0..pairs.len() as u32).collect();
+        input.sort_by_key(|&e| {
+            let [a, b] = pairs[e as usize].map(|i| rank[i as usize]);
+            (a.min(b), a.max(b))
+        });
+        let (order, colors) = color_rows(count, input.iter().map(|&e| pairs[e as usize].as_slice()));
+        let order: Vec<u32> = order.iter().map(|&k| input[k as usize]).collect();
         let pairs: Vec<[u32; 2]> = order.iter().map(|&e| pairs[e as usize]).collect();
         let rest_length =
             pairs.iter().map(|&[a, b]| particles.rest_position[a as usize].distance(particles.rest_position[b as usize])).collect();

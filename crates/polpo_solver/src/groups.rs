@@ -2,10 +2,10 @@
 
 use glam::{Mat3A, Quat, Vec3A};
 
-use crate::coloring::color_rows;
+use crate::coloring::{color_rows, rank};
 use crate::{Edges, ExplicitGroups, Particles, RestPose};
 
-/// One group a particle: itself and its one ring. Groups are sorted by colour and stored as compressed rows; groups of one colour share no particle.
+/// One group a particle: itself and its one ring. Groups are sorted by colour, and by where they are at rest, and stored as compressed rows; groups of one colour share no particle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImplicitGroups {
     /// Where each group's members start in `members` and `rest`, and the end of the last.
@@ -53,16 +53,18 @@ impl ImplicitGroups {
             neighbours[i as usize].push(j);
             neighbours[j as usize].push(i);
         }
-        let rings: Vec<Vec<u32>> = neighbours
+        let rank = rank(&particles.rest_position);
+        let mut rings: Vec<Vec<u32>> = neighbours
             .into_iter()
             .enumerate()
             .filter(|(i, ring)| !ring.is_empty() && explicit.leaves_group_to(*i))
             .map(|(i, mut ring)| {
-                ring.sort_unstable();
+                ring.sort_unstable_by_key(|&j| rank[j as usize]);
                 ring.insert(0, i as u32);
                 ring
             })
             .collect();
+        rings.sort_unstable_by_key(|ring| rank[ring[0] as usize]);
         let (order, colors) = color_rows(n, rings.iter().map(|r| r.as_slice()));
         let mut groups = Self { rows: vec![0], colors, ..Self::default() };
         for &g in &order {

@@ -62,9 +62,8 @@ mod wind;
 
 pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
 pub use contacts::{Contact, Contacts};
-pub use damping::damp_internally;
-pub use direct_edges::DirectEdges;
 pub use damping::{damp_beside, damp_internally};
+pub use direct_edges::DirectEdges;
 pub use distance::solve_distances;
 pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;

@@ -11,8 +11,9 @@ use common::{Random, cases, cloud, pairs, stir};
 use glam::{Quat, Vec3A};
 use polpo_solver::{
     CalibratedEdges, Contact, Contacts, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, Material, ParticleRest, Particles, Section,
-    Stiffness, Sweep, Turning, blow, damp_internally, integrate, land_explicit_groups, match_explicit_groups, match_shapes, momentum, predict,
-    predict_explicit, quat_exp, quat_log, restore_angular_momentum, solve_calibrated_edges, solve_contacts, solve_distances, solve_torsion,
+    Stiffness, Sweep, Turning, blow, damp_internally, integrate, land_explicit_groups, match_explicit_groups, match_shapes, momentum,
+    predict, predict_explicit, quat_exp, quat_log, restore_angular_momentum, solve_calibrated_edges, solve_contacts, solve_distances,
+    solve_torsion,
 };
 use proptest::prelude::*;
 
@@ -37,7 +38,7 @@ impl Scene {
     fn new(mut p: Particles, pairs: &[[u32; 2]], rigid: &[u32], stiffness: Stiffness) -> Self {
         let edges = Edges::new(&p, pairs).expect("sound edges");
         let material = Material { youngs_modulus: 1e5, poissons_ratio: 0.3, density: 1000.0 };
-        let rods = CalibratedEdges::rods(&mut p, &edges, &material, &Section::circle(0.05), 0.1).expect("sound rods");
+        let rods = CalibratedEdges::rods(&mut p, &edges, &material, &Section::circle(0.05), 0.1, &[]).expect("sound rods");
         let explicit = ExplicitGroups::new(&p, &[ExplicitGroup::rigid(rigid)]).expect("a sound group");
         let groups = ImplicitGroups::beside(&p, &edges, &explicit);
         let low = p.position.iter().map(|x| x.y).fold(f32::INFINITY, f32::min);
@@ -51,7 +52,17 @@ impl Scene {
             impulse: 0.0,
         };
         let contacts = Contacts { list: (0..p.len() as u32).map(floor).collect() };
-        Self { p, groups, edges, rods, explicit, contacts, gravity: Vec3A::NEG_Y * 9.81, wind: Vec3A::new(3.0, 0.0, -2.0), share: stiffness }
+        Self {
+            p,
+            groups,
+            edges,
+            rods,
+            explicit,
+            contacts,
+            gravity: Vec3A::NEG_Y * 9.81,
+            wind: Vec3A::new(3.0, 0.0, -2.0),
+            share: stiffness,
+        }
     }
 
     /// The same scene turned by `q` and moved by `t`.

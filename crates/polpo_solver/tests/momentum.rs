@@ -8,9 +8,9 @@ mod common;
 use common::{Loss, Random, cases, cloud, loss, pairs, stir};
 use glam::Vec3A;
 use polpo_solver::{
-    CalibratedEdges, Drive, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, Material, Motor, Particles, Plasticity, Section, Share,
-    Stiffness, Sweep, Turning, creep_edges, creep_shapes, damp_internally, match_explicit_groups, match_shapes, momentum, predict,
-    predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_distances, solve_torsion,
+    CalibratedEdges, Drive, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, Material, Motor, Particles, Plasticity, RestPose,
+    Section, Share, Stiffness, Sweep, Turning, creep_edges, creep_shapes, damp_internally, match_explicit_groups, match_shapes, momentum,
+    predict, predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_distances, solve_torsion,
 };
 use proptest::prelude::*;
 
@@ -178,7 +178,7 @@ proptest! {
         let material = Material { youngs_modulus: random.between(1e3, 1e11), poissons_ratio: 0.3, density: 1000.0 };
         let section = Section::circle(random.between(0.01, 0.2));
         let edges = Edges::new(&p, &[[0, 1]]).unwrap();
-        let rods = CalibratedEdges::rods(&mut p, &edges, &material, &section, random.unit() * 0.2).unwrap();
+        let rods = CalibratedEdges::rods(&mut p, &edges, &material, &section, random.unit() * 0.2, &[]).unwrap();
         p.set_mass(0, random.between(1e-3, 1e3));
         stir(&mut random, &mut p, 0.3, 1.0);
         if pinned {
@@ -211,8 +211,8 @@ proptest! {
         let before = p.clone();
         let rest = (groups.rest.clone(), edges.rest_length.clone());
         let plasticity = Plasticity { yield_strain: 0.0, creep: random.between(0.1, 100.0), maximum: 0.5 };
-        creep_shapes(&mut groups, &p, plasticity, DT);
-        creep_edges(&mut edges, &p, plasticity, DT);
+        creep_shapes(&mut groups, &p, &RestPose::default(), plasticity, DT);
+        creep_edges(&mut edges, &p, &RestPose::default(), plasticity, DT);
         prop_assert!(groups.rest != rest.0 && edges.rest_length != rest.1);
         prop_assert_eq!(p, before);
     }

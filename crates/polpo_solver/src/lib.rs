@@ -21,6 +21,7 @@
 #[cfg(test)]
 mod beam_tests;
 mod block_cholesky;
+mod broad_phase;
 mod calibrated_edges;
 mod check;
 mod coloring;
@@ -30,6 +31,7 @@ mod direct_edges;
 mod distance;
 mod edges;
 mod ellipsoid;
+mod ellipsoid_pair;
 mod explicit_groups;
 #[cfg(test)]
 mod explicit_tests;
@@ -62,6 +64,8 @@ mod torsion;
 mod wind;
 
 pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
+pub use broad_phase::{Bounds, BroadPhase};
+pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
 pub use contacts::{Contact, Contacts};
 pub use damping::{damp_beside, damp_internally};
 pub use direct_edges::DirectEdges;
@@ -72,6 +76,7 @@ pub use damping::damp_internally;
 pub use distance::solve_distances;
 pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
+pub use ellipsoid_pair::{EllipsoidPair, PairGap};
 pub use explicit_groups::{Deformable, ExplicitGroup, ExplicitGroups, GroupError};
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;

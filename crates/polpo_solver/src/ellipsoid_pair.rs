@@ -62,6 +62,11 @@ impl EllipsoidPair {
         Self { d: d / self.scale, ..*self }
     }
 
+    /// The same two with the second moved by `way` \[m\].
+    pub(crate) fn moved(&self, way: Vec3A) -> Self {
+        Self { d: self.d + way / self.scale, ..*self }
+    }
+
     /// Perram & Wertheim's contact function and the normal that belongs to it.
     ///
     /// F = max over λ in 0 … 1 of λ(1 − λ)·dᵀG⁻¹d with G = (1 − λ)Σ₁ + λΣ₂ (Perram & Wertheim 1985). Grown by √F both ellipsoids touch, with the normal n along z = G⁻¹d; so n·d = √F·(h₁ + h₂), the gap
@@ -93,7 +98,8 @@ impl EllipsoidPair {
             };
             let next = if next > low && next < high { next } else { (s + excess).clamp(0.5 * (low + s), 0.5 * (high + s)) };
             // F is flat at its maximum: its error is that of s, squared.
-            if !(excess.abs().max((next - s).abs()) > 1e-5 * s * (1.0 - s)) {
+            let moves = excess.abs().max((next - s).abs()) > 1e-5 * s * (1.0 - s);
+            if !moves {
                 break;
             }
             last = Some((s, excess));
@@ -162,7 +168,8 @@ impl EllipsoidPair {
             let step = [(vv * slope[0] - uv * slope[1]) / determinant, (uu * slope[1] - uv * slope[0]) / determinant];
             // What the step will gain, were the gap quadratic.
             let gain = 0.5 * (step[0] * slope[0] + step[1] * slope[1]);
-            if !(gain > 1e-7 * size) {
+            let climbs = gain > 1e-7 * size;
+            if !climbs {
                 break;
             }
             let mut step = (u * step[0] + v * step[1]).clamp_length_max(0.7);
@@ -174,7 +181,8 @@ impl EllipsoidPair {
                 step *= 0.3;
                 next = self.look((n + step).normalize());
             }
-            if !(next.gap > look.gap) {
+            let climbed = next.gap > look.gap;
+            if !climbed {
                 break;
             }
             look = next;

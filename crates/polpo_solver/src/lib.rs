@@ -45,6 +45,9 @@ mod material;
 mod math;
 mod momentum;
 mod motor;
+#[cfg(test)]
+mod pair_tests;
+mod pairs;
 mod particles;
 mod plasticity;
 mod predict;
@@ -57,6 +60,7 @@ mod rotation;
 mod shape_matching;
 mod soft_groups;
 mod solve_contacts;
+mod solve_pairs;
 mod stiffness;
 #[cfg(test)]
 mod testing;
@@ -85,6 +89,7 @@ pub use material::{CalibrationError, Material, Section};
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};
 pub use motor::{Drive, Motor};
+pub use pairs::{Pair, PairFinder, PairSearch, Pairs, RestPairs, TooDense, swept_bounds};
 pub use particles::{ParticleError, ParticleRest, Particles};
 pub use plasticity::{Plasticity, creep_edges, creep_shapes};
 pub use predict::predict;
@@ -93,6 +98,7 @@ pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_expl
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
+pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
 pub use torsion::solve_torsion;
 pub use wind::blow;

@@ -207,7 +207,7 @@ fn nothing_tunnels_in_a_substep() {
     let mut random = Random(77);
     let dt = 1.0 / 300.0;
     let (mut hits, mut misses) = (0, 0);
-    for k in 0..2000 {
+    for k in 0..1000 {
         let shape = |k: usize| [Vec3A::splat(0.1), Vec3A::new(0.5, 0.02, 0.02), Vec3A::new(0.5, 0.5, 0.02)][k % 3];
         let mut p = body(&[(Vec3A::ZERO, shape(k), 1.0), (random.vector().normalize() * 1.2, shape(k / 3), 1.0)]);
         for i in 0..2 {
@@ -225,8 +225,8 @@ fn nothing_tunnels_in_a_substep() {
         }
         // What is on the way, by small steps; what is only grazed may be missed.
         let way = start.velocity[1] * dt * substeps;
-        let met = (0..4000).any(|t| {
-            let d = start.position[1] + way * (t as f32 / 4000.0);
+        let met = (0..1000).any(|t| {
+            let d = start.position[1] + way * (t as f32 / 1000.0);
             EllipsoidPair::new(&start.ellipsoid(0), &start.ellipsoid(1), d).contact_function().0 < 0.995
         });
         if met {
@@ -239,7 +239,7 @@ fn nothing_tunnels_in_a_substep() {
             misses += 1;
         }
     }
-    assert!(hits > 1000 && misses > 100, "{hits} met, {misses} did not");
+    assert!(hits > 500 && misses > 50, "{hits} met, {misses} did not");
 }
 
 /// Half inside each other at the start, at rest: they part at the push speed and are then at rest.

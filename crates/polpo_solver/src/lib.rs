@@ -21,6 +21,7 @@
 #[cfg(test)]
 mod beam_tests;
 mod block_cholesky;
+mod broad_phase;
 mod calibrated_edges;
 mod check;
 mod coloring;
@@ -30,6 +31,7 @@ mod direct_edges;
 mod distance;
 mod edges;
 mod ellipsoid;
+mod ellipsoid_pair;
 mod explicit_groups;
 #[cfg(test)]
 mod explicit_tests;
@@ -43,6 +45,9 @@ mod material;
 mod math;
 mod momentum;
 mod motor;
+#[cfg(test)]
+mod pair_tests;
+mod pairs;
 mod particles;
 mod plasticity;
 mod predict;
@@ -55,6 +60,7 @@ mod rotation;
 mod shape_matching;
 mod soft_groups;
 mod solve_contacts;
+mod solve_pairs;
 mod stiffness;
 #[cfg(test)]
 mod testing;
@@ -62,6 +68,12 @@ mod torsion;
 mod wind;
 
 pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
+pub use broad_phase::{Bounds, BroadPhase};
+pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
+pub use contacts::{Contact, Contacts};
+pub use damping::{damp_beside, damp_internally};
+pub use direct_edges::DirectEdges;
+pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
 pub use check::StateError;
 pub use contacts::{Contact, Contacts, FreePositions};
 pub use damping::{damp_beside, damp_internally};
@@ -69,6 +81,7 @@ pub use direct_edges::DirectEdges;
 pub use distance::solve_distances;
 pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
+pub use ellipsoid_pair::{EllipsoidPair, PairGap};
 pub use explicit_groups::{Deformable, ExplicitGroup, ExplicitGroups, GroupError};
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;
@@ -77,6 +90,7 @@ pub use material::{CalibrationError, Material, Section};
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};
 pub use motor::{Drive, Motor};
+pub use pairs::{Pair, PairFinder, PairSearch, Pairs, RestPairs, TooDense, swept_bounds};
 pub use particles::{ParticleError, ParticleRest, Particles};
 pub use plasticity::{Plasticity, creep_edges, creep_shapes};
 pub use predict::predict;
@@ -85,6 +99,7 @@ pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_expl
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
+pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
 pub use torsion::solve_torsion;
 pub use wind::blow;

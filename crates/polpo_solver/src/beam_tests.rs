@@ -23,7 +23,7 @@ fn rubber() -> Material {
 /// How the edges of a body are solved.
 enum Solver {
     Sweep,
-    Direct(DirectEdges),
+    Direct(Box<DirectEdges>),
 }
 
 /// A bar of 1 m along x, clamped at its first particle.
@@ -34,22 +34,22 @@ struct Bar {
 }
 
 impl Bar {
-    fn of(material: &Material, n: usize, spin_radius: f32, direct: bool) -> Self {
+    fn of(material: &Material, n: usize, spin_radius: Option<f32>, direct: bool) -> Self {
         let mut p = line(n, 1.0 / (n - 1) as f32, 0.02);
         let pairs: Vec<[u32; 2]> = (1..n as u32).map(|i| [i - 1, i]).collect();
         let edges = Edges::new(&p, &pairs).unwrap();
         let edges = CalibratedEdges::rods(&mut p, &edges, material, &Section::square(SIDE), spin_radius, &[]).unwrap();
         p.pin(0, true, true);
-        let solver = if direct { Solver::Direct(DirectEdges::new(&edges, n).unwrap()) } else { Solver::Sweep };
+        let solver = if direct { Solver::Direct(Box::new(DirectEdges::new(&edges, n).unwrap())) } else { Solver::Sweep };
         Self { p, edges, solver }
     }
 
     fn swept(n: usize) -> Self {
-        Self::of(&rubber(), n, 0.12, false)
+        Self::of(&rubber(), n, Some(0.12), false)
     }
 
     fn direct(n: usize) -> Self {
-        Self::of(&rubber(), n, 0.0, true)
+        Self::of(&rubber(), n, None, true)
     }
 
     fn free(mut self) -> Self {
@@ -178,18 +178,18 @@ fn too_few_substeps_are_stable() {
     assert!(got.is_finite() && got > 1.2 * exact_sag(&rubber()) && got < 1.1, "{got} m");
 }
 
-/// A tenth of the stiffness: the tip hangs 35 cm down and comes 7 cm nearer to the wall.
+/// A tenth of the stiffness: the tip hangs 43 cm down and comes 11 cm nearer to the wall. The error is of second order in the bend of an edge, θ: 4·tan(θ/4) is stiffer than θ by θ²/12.
 #[test]
 fn large_deflections_are_those_of_the_elastica() {
     let soft = Material { youngs_modulus: 0.1 * rubber().youngs_modulus, ..rubber() };
     let exact = exact_tip(&soft);
-    for n in [9, 17, 33] {
+    for (n, tolerance) in [(9, 2e-3), (17, 5e-4), (33, 2e-4)] {
         for rate in [30.0, 240.0] {
-            let mut bar = Bar::of(&soft, n, 0.0, true);
+            let mut bar = Bar::of(&soft, n, None, true);
             let sag = bar.sag(rate, 1);
             let error = [f64::from(bar.tip().x) / exact[0] - 1.0, f64::from(-sag) / exact[1] - 1.0];
             println!("{n} at {rate} Hz: {} {sag}, {exact:?}, {error:?}", bar.tip().x);
-            assert!(error.iter().all(|e| e.abs() < 2e-4), "{n} at {rate} Hz: {error:?}");
+            assert!(error.iter().all(|e| e.abs() < tolerance), "{n} at {rate} Hz: {error:?}");
         }
     }
 }
@@ -226,7 +226,7 @@ fn an_edge_keeps_linear_and_angular_momentum() {
 #[test]
 fn an_undeformed_bar_is_left_alone_wherever_it_is() {
     for direct in [false, true] {
-        let mut bar = Bar::of(&rubber(), 5, 0.12, direct);
+        let mut bar = Bar::of(&rubber(), 5, Some(0.12), direct);
         bar.p.place(quat_exp(Vec3A::new(0.5, -1.2, 0.7)), Vec3A::new(0.3, -0.2, 0.9));
         let before = bar.p.position.clone();
         bar.solve(1e-3);
@@ -284,13 +284,123 @@ fn bad_materials_are_named() {
     let mut p = line(3, 1.0, 0.1);
     let mut edges = Edges::new(&p, &[[0, 1], [1, 2]]).unwrap();
     let good = Material { youngs_modulus: 1e6, poissons_ratio: 0.3, density: 1000.0 };
-    let mut rods = |material: Material| CalibratedEdges::rods(&mut p, &edges, &material, &Section::circle(0.1), 0.0, &[]);
+    let mut rods = |material: Material| CalibratedEdges::rods(&mut p, &edges, &material, &Section::circle(0.1), None, &[]);
     assert!(rods(good).is_ok());
     let error = rods(Material { youngs_modulus: f32::NAN, ..good }).unwrap_err();
     assert_eq!(error.to_string(), "Young's modulus is NaN, not positive and normal");
     let error = rods(Material { poissons_ratio: 0.6, ..good }).unwrap_err();
     assert_eq!(error.to_string(), "Poisson's ratio is 0.6, not above -1 and at most 0.5");
     edges.rest_length[0] = 0.0;
-    let error = CalibratedEdges::rods(&mut p, &edges, &good, &Section::circle(0.1), 0.0, &[]);
+    let error = CalibratedEdges::rods(&mut p, &edges, &good, &Section::circle(0.1), None, &[]);
     assert!(matches!(error, Err(CalibrationError::Length { .. })));
+}
+
+/// Swings freely from a small push; the mean of the periods between upward zero crossings of `coordinate` about its mean, as a frequency \[Hz\].
+fn frequency(bar: &mut Bar, dt: f32, seconds: f32, coordinate: impl Fn(&Particles) -> f32) -> f32 {
+    let mut crossings = Vec::new();
+    let mut last = 0.0;
+    for step in 0..(seconds / dt) as usize {
+        bar.step(Vec3A::ZERO, dt, 0.0);
+        let now = coordinate(&bar.p);
+        if last < 0.0 && now >= 0.0 {
+            crossings.push((step as f32 + last / (last - now)) * dt);
+        }
+        last = now;
+    }
+    (crossings.len() - 1) as f32 / (crossings[crossings.len() - 1] - crossings[0])
+}
+
+/// The first mode of the clamped bar, δω1²/g = 1.5453 with δ the sag: β₁²/(2π)·√(EI/ρAL⁴) of Euler and Bernoulli, less what shear and spin slow it (the sag's own share of shear, ½·1.3 %).
+#[test]
+fn the_first_mode_has_the_frequency_of_the_books() {
+    let material = rubber();
+    let sag = exact_sag(&material);
+    let exact = (1.5453 * 9.81 / sag).sqrt() / core::f32::consts::TAU;
+    for (n, tolerance) in [(5, 0.02), (9, 0.007), (17, 0.003), (33, 0.0025)] {
+        let mut bar = Bar::direct(n);
+        for i in 0..n {
+            let x = bar.p.rest_position[i].x;
+            bar.p.velocity[i].y = 0.3 * x * x;
+        }
+        let got = frequency(&mut bar, 1e-3, 4.0, |p| p.position[n - 1].y);
+        println!("{n}: {got} Hz of {exact}, {:+.2} %", 100.0 * (got / exact - 1.0));
+        assert!((got / exact - 1.0).abs() < tolerance, "{n}: {got} Hz of {exact}");
+    }
+}
+
+/// √(GJ/ρI_p)/(4L), with I_p = A·r² = I, half of the square's own: the particles' spin inertia is a scalar.
+#[test]
+fn the_first_mode_of_torsion_has_the_frequency_of_the_books() {
+    let (material, section) = (rubber(), Section::square(SIDE));
+    for (n, tolerance) in [(9, 0.01), (33, 0.005)] {
+        let mut bar = Bar::direct(n);
+        let r = (section.bending / section.area).sqrt();
+        let exact = (material.shear_modulus() * section.torsion / (DENSITY * section.area * r * r)).sqrt() / 4.0;
+        for i in 0..n {
+            bar.p.angular_velocity[i].x = 0.5 * libm::sinf(core::f32::consts::FRAC_PI_2 * bar.p.rest_position[i].x);
+        }
+        let got = frequency(&mut bar, 1e-4, 0.5, |p| quat_log(p.rotation[n - 1]).x);
+        println!("{n}: {got} Hz of {exact}, {:+.2} %", 100.0 * (got / exact - 1.0));
+        assert!((got / exact - 1.0).abs() < tolerance, "{n}: {got} Hz of {exact}");
+    }
+}
+
+/// How fast the first mode dies \[1/s\]: the amplitude √(y² + (v/ω)²) of the tip, over `seconds`.
+fn decay(bar: &mut Bar, dt: f32, seconds: f32, omega: f32) -> f32 {
+    let n = bar.p.len();
+    for i in 0..n {
+        let x = bar.p.rest_position[i].x;
+        bar.p.velocity[i].y = 0.3 * x * x * (1.0 - x / 3.0);
+    }
+    let amplitude = |p: &Particles| libm::hypotf(p.position[n - 1].y, p.velocity[n - 1].y / omega);
+    let mut start = 0.0;
+    let steps = (seconds / dt) as usize;
+    for step in 0..=steps {
+        bar.step(Vec3A::ZERO, dt, 0.0);
+        if step == steps / 4 {
+            start = amplitude(&bar.p);
+        }
+    }
+    libm::logf(start / amplitude(&bar.p)) / (0.75 * seconds)
+}
+
+/// ζ = π·f·τ, so it dies as e^(−½ω²τ·t), besides what implicit Euler and the sweeps take without τ.
+#[test]
+fn retardation_damps_as_kelvin_and_voigt_say() {
+    let tau = 4e-3;
+    for (direct, n, tolerance) in [(true, 9, 0.02), (true, 17, 0.02), (false, 9, 0.05)] {
+        let make = |tau: f32| {
+            let mut bar = if direct { Bar::direct(n) } else { Bar::swept(n) };
+            bar.edges.retardation = tau;
+            bar
+        };
+        let bar = make(tau);
+        let dt = if direct { 5e-4 } else { 1.0 / bar.edges.recommended_substeps(&bar.p, 1.0) as f32 };
+        // Its own frequency: spins made large for the sweep's sake slow it.
+        let mut bar = make(0.0);
+        for i in 0..n {
+            let x = bar.p.rest_position[i].x;
+            bar.p.velocity[i].y = 0.3 * x * x;
+        }
+        let omega = core::f32::consts::TAU * frequency(&mut bar, dt, 4.0, |p| p.position[n - 1].y);
+        let got = decay(&mut make(tau), dt, 2.0, omega) - decay(&mut make(0.0), dt, 2.0, omega);
+        let exact = 0.5 * omega * omega * tau;
+        println!("direct {direct}, {n}: {got} of {exact} 1/s, {:+.2} %", 100.0 * (got / exact - 1.0));
+        assert!((got / exact - 1.0).abs() < tolerance, "direct {direct}, {n}: {got} of {exact} 1/s");
+    }
+}
+
+/// It slows what moves and leaves what hangs where it hangs.
+#[test]
+fn retardation_does_not_change_the_sag() {
+    for direct in [false, true] {
+        for tau in [1e-3, 1e-2] {
+            let mut bar = if direct { Bar::direct(9) } else { Bar::swept(9) };
+            bar.edges.retardation = tau;
+            let substeps = if direct { 1 } else { bar.edges.recommended_substeps(&bar.p, 1.0 / 60.0) };
+            let error = bar.sag(60.0, substeps) / exact_sag(&rubber()) - 1.0;
+            println!("direct {direct}, τ {tau}: {substeps} substeps, {:+.2} %", 100.0 * error);
+            assert!(error.abs() < if direct { 0.003 } else { 0.05 }, "direct {direct}, τ {tau}: {substeps} substeps, {error}");
+        }
+    }
 }

@@ -3,6 +3,7 @@
 use glam::{Mat3A, Quat, Vec3A};
 
 use crate::Particles;
+use crate::edge_strain::BENT;
 
 /// Edges that carry stretch, shear, bend and twist, sorted by colour: made from a section by [`rods`](Self::rods), or from the facets between the cells of a body by
 /// [`from_facets`](Self::from_facets).
@@ -62,19 +63,23 @@ impl CalibratedEdges {
 
 /// Solves every edge once, in a substep of `dt` \[s\].
 ///
-/// The edge is a group of two whose rotation is the mean of its ends': R = mat(normalise(q_i + q_j)·F), with q_j flipped so that q_i·q_j ≥ 0. With the contact points' gap
+/// The edge is a group of two whose rotation is the mean of its ends': R = mat(normalise(q_i + q_j)·F), with the sign of q_j for which they are turned against each other by less than half a turn or,
+/// where they are bent far and it takes less energy, by more: else R would jump, and energy with it, where an edge is folded. With the contact points' gap
 /// g = (x_j + q_j·s_j) − (x_i + q_i·s_i) and p = q_j·q_i⁻¹ its strains are
 ///
 /// ```text
 /// γ = Rᵀg − g_rest,   φ = Rᵀ·4·vec(p)/(1 + p_w)
 /// ```
 ///
-/// The force f = R·λ_γ acts in the middle between the contact points, at the arms a_i = q_i·s_i + ½g and a_j = q_j·s_j − ½g, so that ±f and the moments ±a×f ± R·λ_φ carry neither linear nor angular
-/// momentum; to first order these are the gradients of γ and φ too. Each of the six rows C has its compliance α and λ = −C/max(α/δt² + ½D, D), with
+/// Each of the six rows C has its compliance α and λ = −C/max(α/δt² + ½D, D), with
 ///
 /// ```text
-/// D_k = w_i + w_j + (1/I_i)·|a_i × R·e_k|² + (1/I_j)·|a_j × R·e_k|²,   D_φ = 1/I_i + 1/I_j
+/// D_k = w_i + w_j + (1/I_i)·|a_i × R·e_k|² + (1/I_j)·|a_j × R·e_k|²,   D_φ = s²·(1/I_i + 1/I_j),   s = 1 + |φ|²/16
 /// ```
+///
+/// and a_i = q_i·s_i + ½g, a_j = q_j·s_j − ½g, the arms of the middle between the contact points, where the force f = R·λ_γ acts. Differentiated, half turns and all (R turns by
+/// ½(θ_i + θ_j) + ⅛Φ×(θ_i − θ_j) with Φ = R·φ, and φ grows by s·Rᵀ(θ_j − θ_i)), the strains give ±f and the moments ±(a×f + s·R·λ_φ + ⅛Φ×(f×g)): they carry neither linear nor angular momentum, and
+/// all come from one energy however far an edge is bent.
 ///
 /// The ½D: a cold Gauss–Seidel sweep adds that much compliance on the average, and taking it off makes the answer independent of δt. With a retardation τ, C + τ·dC/dt takes the place of C and
 /// (1 + τ/δt)·D that of D, for the same reason. Stable at every δt; see [`CalibratedEdges::recommended_substeps`] for what it is worth there.
@@ -86,11 +91,7 @@ pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles
         let (i, j) = (i as usize, j as usize);
         let (wi, wj) = (particles.inverse_mass[i], particles.inverse_mass[j]);
         let (ui, uj) = (particles.inverse_inertia[i], particles.inverse_inertia[j]);
-        let qi = particles.rotation[i];
-        let qj = if qi.dot(particles.rotation[j]) < 0.0 { -particles.rotation[j] } else { particles.rotation[j] };
-        let r = Mat3A::from_quat((qi + qj).normalize() * edges.frame[e]);
-        let back = r.transpose();
-
+        let (qi, qj) = (particles.rotation[i], particles.rotation[j]);
         let mut gap = particles.position[j] - particles.position[i];
         let (mut arm_i, mut arm_j) = (Vec3A::ZERO, Vec3A::ZERO);
         if let Some(&[si, sj]) = edges.contact.get(e) {
@@ -99,14 +100,30 @@ pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles
         }
         arm_i += gap * 0.5;
         arm_j -= gap * 0.5;
-        let p = qj * qi.inverse();
-        let mut gamma = back * gap - edges.rest_gap[e];
-        let mut phi = back * (Vec3A::new(p.x, p.y, p.z) * (4.0 / (1.0 + p.w)));
+        let strains = |qj: Quat| {
+            let r = Mat3A::from_quat((qi + qj).normalize() * edges.frame[e]);
+            let p = qj * qi.inverse();
+            let bend = Vec3A::new(p.x, p.y, p.z) * (4.0 / (1.0 + p.w));
+            (r, r.transpose() * gap - edges.rest_gap[e], bend, r.transpose() * bend)
+        };
+        let near = qi.dot(qj);
+        let (mut r, mut gamma, mut bend, mut phi) = strains(if near < 0.0 { -qj } else { qj });
+        if near.abs() < BENT as f32 {
+            let long = strains(if near < 0.0 { qj } else { -qj });
+            let energy = |gamma: Vec3A, phi: Vec3A| {
+                (gamma * gamma).dot(edges.stretch_compliance[e].recip()) + (phi * phi).dot(edges.bend_compliance[e].recip())
+            };
+            if energy(long.1, long.3) < energy(gamma, phi) {
+                (r, gamma, bend, phi) = long;
+            }
+        }
+        let back = r.transpose();
+        let steep = 1.0 + bend.length_squared() * (1.0 / 16.0);
         if lag > 0.0 {
             let (turn_i, turn_j) = (particles.angular_velocity[i], particles.angular_velocity[j]);
             let parting = particles.velocity[j] + turn_j.cross(arm_j) - particles.velocity[i] - turn_i.cross(arm_i);
             gamma += back * parting * (lag * dt);
-            phi += back * (turn_j - turn_i) * (lag * dt);
+            phi += back * (turn_j - turn_i) * (steep * lag * dt);
         }
 
         let across = |arm: Vec3A| {
@@ -115,8 +132,9 @@ pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles
         };
         let weight = (Vec3A::splat(wi + wj) + across(arm_i) * ui + across(arm_j) * uj) * (1.0 + lag);
         let force = r * -over(gamma, (edges.stretch_compliance[e] * rate2 + weight * 0.5).max(weight));
-        let weight = Vec3A::splat((ui + uj) * (1.0 + lag));
-        let moment = r * -over(phi, (edges.bend_compliance[e] * rate2 + weight * 0.5).max(weight));
+        let weight = Vec3A::splat(steep * steep * (ui + uj) * (1.0 + lag));
+        let moment =
+            r * over(phi, (edges.bend_compliance[e] * rate2 + weight * 0.5).max(weight)) * -steep + bend.cross(force.cross(gap)) * 0.125;
 
         for (k, sign, arm, w, u) in [(i, -1.0, arm_i, wi, ui), (j, 1.0, arm_j, wj, uj)] {
             if w > 0.0 {

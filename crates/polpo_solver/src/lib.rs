@@ -28,13 +28,19 @@ mod coloring;
 mod contacts;
 mod damping;
 mod direct_edges;
+#[cfg(test)]
+mod direct_tests;
 mod distance;
+mod edge_strain;
 mod edges;
 mod ellipsoid;
 mod ellipsoid_pair;
 mod explicit_groups;
 #[cfg(test)]
 mod explicit_tests;
+#[cfg(test)]
+mod facet_tests;
+mod facets;
 mod groups;
 mod integrate;
 #[cfg(test)]
@@ -53,6 +59,7 @@ mod plasticity;
 mod predict;
 mod rest_pose;
 mod rigid_groups;
+mod rings;
 mod rods;
 #[cfg(test)]
 mod rolling_tests;
@@ -83,6 +90,7 @@ pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
 pub use ellipsoid_pair::{EllipsoidPair, PairGap};
 pub use explicit_groups::{Deformable, ExplicitGroup, ExplicitGroups, GroupError};
+pub use facets::Facet;
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;
 pub use landing::land_explicit_groups;
@@ -96,6 +104,7 @@ pub use plasticity::{Plasticity, creep_edges, creep_shapes};
 pub use predict::predict;
 pub use rest_pose::{PoseError, RestPose};
 pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_explicit};
+pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;

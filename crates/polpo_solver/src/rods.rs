@@ -9,9 +9,9 @@ use crate::{CalibratedEdges, CalibrationError, Edges, Material, Particles, Secti
 impl CalibratedEdges {
     /// Makes the `edges` of a body rods of one material and section, and gives the particles the masses and spin inertias that belong to them.
     ///
-    /// Masses are m = ρA·h, half of each edge at either end; a particle without edges keeps its own. The spin inertia is m·r² with r the largest of √(I/A), h/2 and `spin_radius` \[m\] (0: none): the
-    /// larger, the fewer substeps are needed when the edges are swept ([`recommended_substeps`](Self::recommended_substeps)), and the slower are the higher modes and the tumbling: 0.12 of a limb's length
-    /// costs 17 % of the latter. Solved directly ([`DirectEdges`](crate::DirectEdges)), they need none.
+    /// Masses are m = ρA·h, half of each edge at either end; a particle without edges keeps its own. The spin inertia is m·r² with r = √(I/A), that of the section, or, given a `spin_radius` \[m\], the largest
+    /// of that, h/2 and the section's: the larger, the fewer substeps are needed when the edges are swept ([`recommended_substeps`](Self::recommended_substeps)), and the slower are the higher modes and the
+    /// tumbling. 0.12 of a limb's length costs 17 % of the latter. Solved directly ([`DirectEdges`](crate::DirectEdges)), rods are cheap without.
     ///
     /// Where `seam` is true the particle is part of something else besides, the flesh around a bone say: it keeps the mass and the spin inertia it has and gets the rods' on top. Beyond its end nothing is.
     ///
@@ -23,12 +23,12 @@ impl CalibratedEdges {
         edges: &Edges,
         material: &Material,
         section: &Section,
-        spin_radius: f32,
+        spin_radius: Option<f32>,
         seam: &[bool],
     ) -> Result<Self, CalibrationError> {
         material.check()?;
         section.check()?;
-        not_negative("the spin radius", spin_radius)?;
+        not_negative("the spin radius", spin_radius.unwrap_or(0.0))?;
         if let Some(edge) = edges.rest_length.iter().position(|&h| h.is_nan() || h <= 0.0) {
             return Err(CalibrationError::Length { edge: edges.input[edge] as usize });
         }
@@ -53,11 +53,12 @@ impl CalibratedEdges {
             let bend = h / (e * section.bending);
             this.bend_compliance.push(Vec3A::new(h / (g * section.torsion), bend, bend));
         }
+        let own_radius = (section.bending / section.area).sqrt();
         for i in 0..particles.len() {
             if mass[i] > 0.0 {
                 let (own_mass, own_inertia) =
                     if seam.get(i).is_some_and(|&s| s) { (particles.mass[i], particles.inertia[i]) } else { (0.0, 0.0) };
-                let radius = (section.bending / section.area).sqrt().max(0.5 * longest[i]).max(spin_radius);
+                let radius = spin_radius.map_or(own_radius, |r| own_radius.max(0.5 * longest[i]).max(r));
                 particles.set_mass(i, own_mass + mass[i]);
                 particles.set_inertia(i, own_inertia + mass[i] * radius * radius);
             }

@@ -38,7 +38,7 @@ impl Scene {
     fn new(mut p: Particles, pairs: &[[u32; 2]], rigid: &[u32], stiffness: Stiffness) -> Self {
         let edges = Edges::new(&p, pairs).expect("sound edges");
         let material = Material { youngs_modulus: 1e5, poissons_ratio: 0.3, density: 1000.0 };
-        let rods = CalibratedEdges::rods(&mut p, &edges, &material, &Section::circle(0.05), 0.1, &[]).expect("sound rods");
+        let rods = CalibratedEdges::rods(&mut p, &edges, &material, &Section::circle(0.05), Some(0.1), &[]).expect("sound rods");
         let explicit = ExplicitGroups::new(&p, &[ExplicitGroup::rigid(rigid)]).expect("a sound group");
         let groups = ImplicitGroups::beside(&p, &edges, &explicit);
         let low = p.position.iter().map(|x| x.y).fold(f32::INFINITY, f32::min);

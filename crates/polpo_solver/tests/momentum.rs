@@ -178,7 +178,7 @@ proptest! {
         let material = Material { youngs_modulus: random.between(1e3, 1e11), poissons_ratio: 0.3, density: 1000.0 };
         let section = Section::circle(random.between(0.01, 0.2));
         let edges = Edges::new(&p, &[[0, 1]]).unwrap();
-        let rods = CalibratedEdges::rods(&mut p, &edges, &material, &section, random.unit() * 0.2, &[]).unwrap();
+        let rods = CalibratedEdges::rods(&mut p, &edges, &material, &section, Some(random.unit() * 0.2), &[]).unwrap();
         p.set_mass(0, random.between(1e-3, 1e3));
         stir(&mut random, &mut p, 0.3, 1.0);
         if pinned {

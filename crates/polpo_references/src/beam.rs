@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use glam::Vec3A;
-use polpo_solver::{CalibratedEdges, Material, Section, quat_exp, quat_log};
+use polpo_solver::{CalibratedEdges, DirectEdges, Material, Section, quat_exp, quat_log};
 
 use crate::body::{Body, G};
 use crate::measure::{Crossings, order};
@@ -14,6 +14,7 @@ pub(crate) const MEASUREMENTS: &[Measurement] = &[
     Measurement { name: "beam/mode1", run: || modes(0, 2e-3, 1.2e-2) },
     Measurement { name: "beam/mode2", run: || modes(1, 1e-2, 5e-2) },
     Measurement { name: "beam/mode3", run: || modes(2, 2e-2, 7e-2) },
+    Measurement { name: "beam/direct", run: solved_directly },
     Measurement { name: "beam/torsion", run: torsion },
     Measurement { name: "beam/twist", run: twist },
 ];
@@ -32,7 +33,7 @@ const STIFFNESS: f64 = G / (8.0 * SAG);
 /// A bar of 1 m along x of `n` particles, clamped at its first.
 fn bar(n: u32, material: &Material, section: &Section, spin_radius: f32) -> Body {
     let mut body = Body::row(n, 1.0, Vec3A::X, 1e-2);
-    let rods = CalibratedEdges::rods(&mut body.particles, &body.edges, material, section, spin_radius);
+    let rods = CalibratedEdges::rods(&mut body.particles, &body.edges, material, section, spin_radius, &[]);
     body.rods = Some(rods.expect("a real material"));
     body.particles.pin(0, true, true);
     body
@@ -44,36 +45,47 @@ fn cantilever(n: u32) -> Body {
     bar(n, &Material { youngs_modulus, poissons_ratio: 0.3, density: DENSITY }, &section, 0.0)
 }
 
+/// The same, solved all at once.
+fn direct(n: u32) -> Body {
+    let mut body = cantilever(n);
+    body.direct = body.rods.as_ref().map(|rods| DirectEdges::new(rods, n as usize).expect("a chain has no loops"));
+    body
+}
+
 /// Substeps a second that the rule asks for.
 fn rate(body: &Body) -> f64 {
     f64::from(body.rods.as_ref().map_or(0, |rods| rods.recommended_substeps(&body.particles, 1.0)))
 }
 
 /// Sag at rest, reached under almost critical drag.
-fn sag(n: u32, finer: f64) -> f64 {
-    let mut body = cantilever(n);
+fn sag(mut body: Body, rate: f64) -> f64 {
     body.fall();
-    let rate = (rate(&body) * finer).round();
     body.drag = (1.8 * TAU * frequency(0)) as f32;
     let steps = (0.6 * rate) as usize;
     let (mut sum, mut count) = (0.0, 0);
     for k in 0..steps {
         body.step(1.0 / rate, 1, 1);
         if k >= steps * 5 / 6 {
-            sum -= body.place(n as usize - 1).y;
+            sum -= body.place(body.particles.len() - 1).y;
             count += 1;
         }
     }
     sum / f64::from(count)
 }
 
+/// The sag of a swept bar of `n` particles at `finer` times the substeps that the rule asks for.
+fn swept_sag(n: u32, finer: f64) -> f64 {
+    let body = cantilever(n);
+    let rate = (rate(&body) * finer).round();
+    sag(body, rate)
+}
+
 fn sags() -> Vec<Reference> {
     let line = |n: u32| {
-        Reference::new(format!("cantilever of {n}: sag [m]"), SAG, sag(n, 1.0))
-            .after("method §7; ρgA·L⁴/(8EI)")
-            .at("as many substeps as recommended")
+        let setting = format!("{} Hz, as recommended", rate(&cantilever(n)));
+        Reference::new(format!("cantilever of {n}: sag [m]"), SAG, swept_sag(n, 1.0)).after("method §7; ρgA·L⁴/(8EI)").at(setting)
     };
-    let error = |n, finer| sag(n, finer) - SAG;
+    let error = |n, finer| swept_sag(n, finer) - SAG;
     vec![
         line(5).within(0.1, SWEEP),
         line(9).within(3e-2, SWEEP),
@@ -82,7 +94,7 @@ fn sags() -> Vec<Reference> {
         line(65).within(6e-4, SWEEP),
         Reference::new("cantilever: sag's order in Δt", 2.0, order(error(9, 1.0), error(9, 2.0), 2.0))
             .after("method §3a")
-            .at("9 particles, 1 and 2 × the recommended")
+            .at("9 particles, once and twice the recommended substeps")
             .within(3e-2, "the next order shows"),
         Reference::new("cantilever: sag's order in the resolution", 2.0, order(error(9, 1.0), error(17, 1.0), 2.0))
             .after("method §3a")
@@ -103,9 +115,8 @@ fn shape(k: usize, x: f64) -> (f64, f64) {
 }
 
 /// Frequency of mode `k`, from how often a bar pushed in its shape crosses the axis in that shape.
-fn mode(n: u32, k: usize, finer: f64) -> f64 {
-    let mut body = cantilever(n);
-    let rate = (rate(&body) * finer).round();
+fn mode(mut body: Body, k: usize, rate: f64) -> f64 {
+    let n = body.particles.len() as u32;
     let exact = frequency(k);
     let push = 2e-3 / BETA[k] * TAU * exact;
     let shapes: Vec<(f64, f64)> = (0..n).map(|i| shape(k, f64::from(i) / f64::from(n - 1))).collect();
@@ -130,28 +141,45 @@ fn frequency(k: usize) -> f64 {
 /// The last two are tolerances.
 fn modes(k: usize, tolerance: f64, order_tolerance: f64) -> Vec<Reference> {
     let exact = frequency(k);
-    let (coarse, fine) = (mode(17, k, 2.0), mode(33, k, 2.0));
+    let swept = |n: u32| {
+        let body = cantilever(n);
+        let rate = 2.0 * rate(&body);
+        mode(body, k, rate)
+    };
+    let (coarse, fine) = (swept(17), swept(33));
     let line = |what: &str, exact, got| {
         Reference::new(format!("cantilever: f{}{what}", k + 1), exact, got).after("method §7; β²/(2π)·√(EI/(ρA·L⁴))")
     };
     let mut lines = vec![
         line(" [Hz]", exact, fine)
-            .at("33 particles, 2 × the recommended substeps")
+            .at("33 particles, twice the recommended substeps")
             .within(tolerance, "a particle's spin inertia, m·h²/4, is more than its piece's: of second order in h"),
         line("'s order in the resolution", 2.0, order(coarse - exact, fine - exact, 2.0))
             .at("17 and 33 particles")
             .within(order_tolerance, "the next order shows"),
     ];
     if k == 0 {
-        let got = sag(33, 2.0) * (TAU * fine).powi(2) / G;
+        let got = swept_sag(33, 2.0) * (TAU * fine).powi(2) / G;
         lines.push(
             Reference::new("cantilever: δ·ω₁²/g", BETA[0].powi(4) / 8.0, got)
                 .after("method §7; β₁⁴/8")
-                .at("33 particles, 2 × the recommended substeps")
+                .at("33 particles, twice the recommended substeps")
                 .within(3e-3, "twice f₁'s error"),
         );
     }
     lines
+}
+
+fn solved_directly() -> Vec<Reference> {
+    let line = |what: &str, exact, got| Reference::new(format!("cantilever solved directly: {what}"), exact, got).after("method §3a");
+    let arc = "its arc, of the order of (δ/L)²";
+    vec![
+        line("sag [m]", SAG, sag(direct(5), 60.0)).at("5 particles, 60 Hz").within(1.5e-4, arc),
+        line("sag [m]", SAG, sag(direct(33), 60.0)).at("33 particles, 60 Hz").within(1.5e-4, arc),
+        line("f1 [Hz]", frequency(0), mode(direct(33), 0, 960.0))
+            .at("33 particles, 960 Hz")
+            .within(3e-3, "a particle's spin inertia and implicit Euler's frequency, both of second order"),
+    ]
 }
 
 /// A stout bar of rubber, clamped at its first particle, whose particles have the spin inertia of its section: radius of gyration √(I_p/A) = side/√6.

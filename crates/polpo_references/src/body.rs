@@ -2,9 +2,9 @@
 
 use glam::{DVec3, Quat, Vec3A};
 use polpo_solver::{
-    CalibratedEdges, Contact, Contacts, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, ParticleRest, Particles, Share, Shares,
-    Stiffness, Sweep, Turning, damp_internally, integrate, land_explicit_groups, match_explicit_groups, match_shapes, momentum, predict,
-    predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_contacts, solve_distances, solve_torsion,
+    CalibratedEdges, Contact, Contacts, DirectEdges, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, ParticleRest, Particles, Share,
+    Shares, Stiffness, Sweep, Turning, damp_internally, integrate, land_explicit_groups, match_explicit_groups, match_shapes, momentum,
+    predict, predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_contacts, solve_distances, solve_torsion,
 };
 
 /// Gravity's acceleration, to the bits that the kernels get \[m/s²\].
@@ -30,6 +30,8 @@ pub(crate) struct Body {
     pub(crate) compression: Stiffness,
     pub(crate) torsion: Stiffness,
     pub(crate) rods: Option<CalibratedEdges>,
+    /// Solves the rods all at once instead of sweeping them.
+    pub(crate) direct: Option<DirectEdges>,
     /// The plane through the world's origin with this normal, and its friction.
     pub(crate) floor: Option<(Vec3A, f32)>,
     pub(crate) contacts: Contacts,
@@ -58,6 +60,7 @@ impl Body {
             compression: Stiffness::OFF,
             torsion: Stiffness::OFF,
             rods: None,
+            direct: None,
             floor: None,
             contacts: Contacts::default(),
             keep_momentum: true,
@@ -175,7 +178,12 @@ impl Body {
         solve_distances(&mut self.edges, &mut self.particles, share(self.tension), share(self.compression), sweep);
         solve_torsion(&mut self.edges, &mut self.particles, share(self.torsion), sweep);
         if let (Some(rods), 0) = (&self.rods, sweep.index) {
-            solve_calibrated_edges(rods, &mut self.particles, sweep.dt);
+            match &mut self.direct {
+                Some(direct) => {
+                    direct.solve(rods, &mut self.particles, sweep.dt);
+                }
+                None => solve_calibrated_edges(rods, &mut self.particles, sweep.dt),
+            }
         }
         match_explicit_groups(&mut self.explicit, &mut self.particles, sweep);
     }

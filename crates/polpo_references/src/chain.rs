@@ -161,10 +161,10 @@ fn stretch(rate: f64, substeps: u32, links: Links) -> f64 {
     sum / (steps - steps / 2) as f64
 }
 
-/// What one sweep a substep over every other edge first leaves of stretch: the edges of the second half are whole, and each has drawn its neighbours apart by T·Δt²/m with T its tension.
+/// What one sweep a substep leaves of stretch that takes every other edge first, from the heavy end on: the others are whole, and each has drawn its neighbours apart by T·Δt²/m with T its tension.
 fn left_by_a_sweep(dt: f64) -> f64 {
     let tension = |edge: u32| 1000.0 + f64::from(7 - edge);
-    (2.0 * (tension(1) + tension(3) + tension(5)) + tension(7)) * G * dt * dt
+    (tension(0) + 2.0 * (tension(2) + tension(4) + tension(6))) * G * dt * dt
 }
 
 fn heavy_end() -> Vec<Reference> {
@@ -173,6 +173,6 @@ fn heavy_end() -> Vec<Reference> {
     };
     vec![
         line("rigid links", 0.0, stretch(60.0, 1, Links::Groups)).at("60 Hz").within(2e-6, "rounding in f32"),
-        line("stiff edges", left_by_a_sweep(1.0 / 600.0), stretch(60.0, 10, Links::Edges)).at("60 Hz × 10").within(4e-7, "rounding in f32"),
+        line("stiff edges", left_by_a_sweep(1.0 / 600.0), stretch(60.0, 10, Links::Edges)).at("60 Hz × 10").within(2e-6, "rounding in f32"),
     ]
 }

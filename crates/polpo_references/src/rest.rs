@@ -6,8 +6,8 @@ use crate::soft::{default_stiffness, lattice};
 use crate::{Measurement, Reference};
 
 pub(crate) const MEASUREMENTS: &[Measurement] = &[
-    Measurement { name: "rest/floor", run: || rest(0.0, 6e-8, 2.5e-5) },
-    Measurement { name: "rest/slope", run: || rest(15.0, 5e-6, 4e-5) },
+    Measurement { name: "rest/floor", run: || rest(0.0, 1.5e-7, 2.5e-5) },
+    Measurement { name: "rest/slope", run: || rest(15.0, 1.2e-5, 4e-5) },
 ];
 
 /// A lattice of 0.4 m that lies on a slope of `degrees` from the start, with friction enough to stay. Watched from 5 s to 10 s. The last two are tolerances.

@@ -74,13 +74,8 @@ mod testing;
 mod torsion;
 mod wind;
 
-pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
 pub use broad_phase::{Bounds, BroadPhase};
-pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
-pub use contacts::{Contact, Contacts};
-pub use damping::{damp_beside, damp_internally};
-pub use direct_edges::DirectEdges;
-pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
+pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
 pub use check::StateError;
 pub use contacts::{Contact, Contacts, FreePositions};
 pub use damping::{damp_beside, damp_internally};

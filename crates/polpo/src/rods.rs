@@ -42,7 +42,7 @@ pub(crate) fn build_rods(
                 continue;
             }
         };
-        match polpo_solver::CalibratedEdges::rods(&mut particles, &edges, &rods.material, &rods.section, rods.spin_radius, &[]) {
+        match polpo_solver::CalibratedEdges::rods(&mut particles, &edges, &rods.material, &rods.section, Some(rods.spin_radius), &[]) {
             Ok(edges) => {
                 commands.entity(entity).insert(CalibratedEdges(edges));
             }

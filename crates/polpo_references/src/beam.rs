@@ -33,7 +33,7 @@ const STIFFNESS: f64 = G / (8.0 * SAG);
 /// A bar of 1 m along x of `n` particles, clamped at its first.
 fn bar(n: u32, material: &Material, section: &Section, spin_radius: f32) -> Body {
     let mut body = Body::row(n, 1.0, Vec3A::X, 1e-2);
-    let rods = CalibratedEdges::rods(&mut body.particles, &body.edges, material, section, spin_radius, &[]);
+    let rods = CalibratedEdges::rods(&mut body.particles, &body.edges, material, section, Some(spin_radius), &[]);
     body.rods = Some(rods.expect("a real material"));
     body.particles.pin(0, true, true);
     body

@@ -83,7 +83,7 @@ fn deep_sag(n: u32) -> f64 {
     let mut body = Body::row(n, 1.0, Vec3A::X, 1e-2);
     let section = Section::square(0.02);
     let material = Material { youngs_modulus: 4e6, poissons_ratio: 0.3, density: 1000.0 };
-    let rods = CalibratedEdges::rods(&mut body.particles, &body.edges, &material, &section, 0.0, &[]).expect("a real material");
+    let rods = CalibratedEdges::rods(&mut body.particles, &body.edges, &material, &section, Some(0.0), &[]).expect("a real material");
     let rate = f64::from(rods.recommended_substeps(&body.particles, 1.0));
     body.rods = Some(rods);
     body.particles.pin(0, true, true);

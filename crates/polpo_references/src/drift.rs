@@ -53,7 +53,8 @@ fn rods() -> Vec<Reference> {
     let mut body = Body::row(9, 1.0, Vec3A::X, 0.02);
     let material = Material { youngs_modulus: 1e6, poissons_ratio: 0.3, density: 1000.0 };
     body.rods = Some(
-        CalibratedEdges::rods(&mut body.particles, &body.edges, &material, &Section::square(0.05), Some(0.12), &[]).expect("a real material"),
+        CalibratedEdges::rods(&mut body.particles, &body.edges, &material, &Section::square(0.05), Some(0.12), &[])
+            .expect("a real material"),
     );
     fly("rod", body, 16, [2e-6, 2e-5, 1e-7])
 }

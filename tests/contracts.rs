@@ -14,6 +14,8 @@ mod far_from_the_origin;
 mod free_flight;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
+#[path = "contracts/pairs.rs"]
+mod pairs;
 #[path = "contracts/pins.rs"]
 mod pins;
 #[path = "contracts/rods.rs"]

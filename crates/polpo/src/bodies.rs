@@ -7,7 +7,7 @@ use bevy::prelude::*;
 use polpo_rig::{Rig, RigError};
 use polpo_solver::{ParticleError, ParticleRest};
 
-use crate::{Collision, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, StepStart, Torsion};
+use crate::{BodyContact, Collision, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, StepStart, Torsion};
 
 /// Makes an entity a soft body.
 ///
@@ -19,7 +19,7 @@ use crate::{Collision, Damping, DistanceConstraints, Frozen, KeepMomentum, Parti
 /// A rig that cannot be simulated, or a transform that is not finite or not uniformly scaled, is refused with the event [`SoftBodyRejected`] and an error in the log; the entity then just does not
 /// move.
 #[derive(Component, Debug, Clone)]
-#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision, KeepMomentum)]
+#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision, BodyContact, KeepMomentum)]
 pub struct SoftBody {
     /// What the body is made of; shared by all bodies made from it.
     pub rig: Arc<Rig>,
@@ -98,12 +98,14 @@ pub(crate) fn build_body(
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone() };
             commands
                 .entity(entity)
-                .remove::<(crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, Frozen)>()
+                .remove::<(crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, crate::SelfPairs, Frozen)>()
                 .insert((Particles(particles), start));
         }
         Err(reason) => {
             tracing::error!("soft body {entity} was not built: {reason}");
-            commands.entity(entity).remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges)>();
+            commands
+                .entity(entity)
+                .remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, crate::SelfPairs)>();
             commands.trigger(SoftBodyRejected { entity, reason });
         }
     }

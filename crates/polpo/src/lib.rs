@@ -29,6 +29,7 @@
 //! The step runs in `FixedPostUpdate`, or in any schedule named in [`PolpoPlugin::new`]; [`PolpoSystems`] lists its phases in their order, and a system of yours may go between any two.
 
 mod bodies;
+mod body_contact;
 mod collision;
 mod damping;
 mod distance;
@@ -43,6 +44,7 @@ mod predict;
 mod rider;
 mod rods;
 mod schedule;
+mod self_contact;
 mod shape_matching;
 mod state_hash;
 mod stiffness;
@@ -55,6 +57,7 @@ mod writeback;
 pub mod render;
 
 pub use bodies::{InitialVelocity, RejectReason, SoftBody, SoftBodyRejected};
+pub use body_contact::{BodyContact, BodyPair, BodyPairs};
 pub use collision::{Collision, Contacts};
 pub use damping::Damping;
 pub use distance::DistanceConstraints;
@@ -68,6 +71,7 @@ pub use polpo_solver::{Material, Section, Stiffness, Turning};
 pub use rider::ParticleAnchor;
 pub use rods::{CalibratedEdges, Rods};
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
+pub use self_contact::{SelfContact, SelfPairs};
 pub use shape_matching::{ImplicitGroups, ShapeMatching};
 pub use state_hash::state_hash;
 pub use stiffness::{EdgeStiffness, ParticleStiffness};
@@ -80,7 +84,8 @@ pub mod prelude {
     #[cfg(feature = "render")]
     pub use crate::render::PolpoRenderPlugin;
     pub use crate::{
-        AirDrag, BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity, KeepMomentum,
-        ParticleAnchor, Pin, Pins, PolpoPlugin, PolpoSystems, ShapeMatching, SoftBody, SolverSettings, Stiffness, Torsion, Wind,
+        AirDrag, BodyContact, BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity,
+        KeepMomentum, ParticleAnchor, Pin, Pins, PolpoPlugin, PolpoSystems, SelfContact, ShapeMatching, SoftBody, SolverSettings,
+        Stiffness, Torsion, Wind,
     };
 }

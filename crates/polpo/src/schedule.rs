@@ -18,8 +18,8 @@ use bevy::prelude::*;
 use polpo_solver::Sweep;
 
 use crate::{
-    bodies, collision, damping, distance, freeze, grab, integrate, keep_momentum, particles, pins, predict, rider, rods, shape_matching,
-    torsion, wind, writeback,
+    bodies, body_contact, collision, damping, distance, freeze, grab, integrate, keep_momentum, particles, pins, predict, rider, rods,
+    self_contact, shape_matching, torsion, wind, writeback,
 };
 
 /// Soft bodies: adds the step to a schedule.
@@ -48,7 +48,7 @@ impl Default for PolpoPlugin {
 pub enum PolpoSystems {
     /// New bodies and capabilities get their data; the state at the step's start is remembered.
     Prepare,
-    /// Colliders fill each body's [`Contacts`](crate::Contacts).
+    /// Colliders fill each body's [`Contacts`](crate::Contacts); particles that may touch others of the body, or of another, are paired.
     DetectContacts,
     /// Runs [`SubstepSchedule`] as often as [`SolverSettings::substeps`] says.
     Substeps,
@@ -56,7 +56,7 @@ pub enum PolpoSystems {
     Predict,
     /// In [`SubstepSchedule`]: runs [`ConstraintSchedule`] as often as [`SolverSettings::iterations`] says; in that schedule: the constraints.
     SolveConstraints,
-    /// In [`SubstepSchedule`]: particles leave the colliders, with friction.
+    /// In [`SubstepSchedule`]: particles leave each other, then the colliders, with friction.
     SolveContacts,
     /// In [`SubstepSchedule`]: velocities from positions, damping.
     Integrate,
@@ -116,6 +116,7 @@ impl Plugin for PolpoPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<SolverSettings>()
             .init_resource::<SubstepTime>()
+            .init_resource::<crate::BodyPairs>()
             .init_resource::<crate::Gravity>()
             .init_resource::<crate::Wind>()
             .add_observer(bodies::build_body)
@@ -131,11 +132,13 @@ impl Plugin for PolpoPlugin {
                         shape_matching::build_groups,
                         particles::build_edges,
                         rods::build_rods,
+                        self_contact::build_self_pairs,
                         pins::hold_pins,
                         particles::remember_step_start,
                     )
                         .chain()
                         .in_set(PolpoSystems::Prepare),
+                    (self_contact::find_self_pairs, body_contact::find_body_pairs).chain().in_set(PolpoSystems::DetectContacts),
                     run_substeps.in_set(PolpoSystems::Substeps),
                     (freeze::freeze_broken_bodies, writeback::follow_center_of_mass, pins::break_pins, rider::carry_riders)
                         .chain()
@@ -158,7 +161,9 @@ impl Plugin for PolpoPlugin {
                     (keep_momentum::measure_momentum, run_iterations, keep_momentum::restore_momentum, grab::pull_grabbed)
                         .chain()
                         .in_set(PolpoSystems::SolveConstraints),
-                    collision::solve_contacts.in_set(PolpoSystems::SolveContacts),
+                    (self_contact::solve_self_pairs, body_contact::solve_body_pairs, collision::solve_contacts)
+                        .chain()
+                        .in_set(PolpoSystems::SolveContacts),
                     (integrate::integrate_particles, damping::damp_internally, pins::sum_reactions).chain().in_set(PolpoSystems::Integrate),
                 ),
             );

@@ -98,12 +98,20 @@ pub(crate) fn build_body(
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone() };
             commands
                 .entity(entity)
-                .remove::<(crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, Frozen)>()
+                .remove::<(crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, crate::ExplicitState, crate::Posed, Frozen)>()
                 .insert((Particles(particles), start));
         }
         Err(reason) => {
             tracing::error!("soft body {entity} was not built: {reason}");
-            commands.entity(entity).remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges)>();
+            commands.entity(entity).remove::<(
+                Particles,
+                StepStart,
+                crate::Edges,
+                crate::ImplicitGroups,
+                crate::CalibratedEdges,
+                crate::ExplicitState,
+                crate::Posed,
+            )>();
             commands.trigger(SoftBodyRejected { entity, reason });
         }
     }

@@ -55,7 +55,8 @@ fn center(app: &App, body: Entity) -> Vec3 {
 }
 
 fn chain(n: u32, radius: f32) -> Rig {
-    let particle = |i| Particle { position: Vec3::X * (i as f32 * 2.0 * radius), frame: Quat::IDENTITY, radii: Vec3::splat(radius), mass: 0.05 };
+    let particle =
+        |i| Particle { position: Vec3::X * (i as f32 * 2.0 * radius), frame: Quat::IDENTITY, radii: Vec3::splat(radius), mass: 0.05 };
     Rig { mesh_hash: MeshHash(0), particles: (0..n).map(particle).collect(), edges: (1..n).map(|i| [i - 1, i]).collect(), skin: vec![] }
 }
 
@@ -66,7 +67,9 @@ fn two_jellies_come_to_rest_on_each_other() {
         at_rate(&mut app, rate);
         floor(&mut app);
         let bodies: Vec<Entity> = (0..2)
-            .map(|i| app.world_mut().spawn((SoftBody::new(lattice(0.1)), Transform::from_xyz(0.02 * i as f32, 0.2 + 0.5 * i as f32, 0.0))).id())
+            .map(|i| {
+                app.world_mut().spawn((SoftBody::new(lattice(0.1)), Transform::from_xyz(0.02 * i as f32, 0.2 + 0.5 * i as f32, 0.0))).id()
+            })
             .collect();
         let mut worst = 0.0f32;
         for _ in 0..(4.0 * rate) as usize {
@@ -189,11 +192,14 @@ fn a_collision_keeps_momentum() {
 #[test]
 fn what_is_spawned_inside_another_leaves_it_without_an_explosion() {
     for rate in [30.0, 60.0, 240.0] {
-        for offset in [Vec3::ZERO, Vec3::new(0.05, 0.05, 0.05), Vec3::new(0.15, 0.0, 0.0), Vec3::new(0.17, 0.2, -0.11), Vec3::new(0.0, -0.25, 0.04)] {
+        for offset in
+            [Vec3::ZERO, Vec3::new(0.05, 0.05, 0.05), Vec3::new(0.15, 0.0, 0.0), Vec3::new(0.17, 0.2, -0.11), Vec3::new(0.0, -0.25, 0.04)]
+        {
             let mut app = simulation();
             at_rate(&mut app, rate);
             app.insert_resource(Gravity(Vec3::ZERO));
-            let bodies = [Vec3::ZERO, offset].map(|at| app.world_mut().spawn((SoftBody::new(lattice(0.1)), Transform::from_translation(at))).id());
+            let bodies =
+                [Vec3::ZERO, offset].map(|at| app.world_mut().spawn((SoftBody::new(lattice(0.1)), Transform::from_translation(at))).id());
             let mut fastest = 0.0f32;
             let mut parted = f32::NAN;
             for k in 0..(2.0 * rate) as usize {
@@ -205,7 +211,9 @@ fn what_is_spawned_inside_another_leaves_it_without_an_explosion() {
             }
             let depth = worst_depth(&app, &bodies);
             let apart = center(&app, bodies[0]).distance(center(&app, bodies[1]));
-            println!("{rate} Hz, {offset}: apart after {parted:.2} s, fastest {fastest:.2} m/s, then {apart:.2} m apart, {depth:.1e} m deep");
+            println!(
+                "{rate} Hz, {offset}: apart after {parted:.2} s, fastest {fastest:.2} m/s, then {apart:.2} m apart, {depth:.1e} m deep"
+            );
             assert!(parted < 1.0 && depth < 1e-3, "{depth} m deep");
             assert!(fastest < 6.0, "{fastest} m/s");
         }
@@ -272,7 +280,8 @@ fn self_contact_does_not_move_the_body() {
         touched += app.world().get::<SelfPairs>(body).unwrap().pairs().iter().filter(|pair| pair.touching).count();
     }
     let after = momentum(app.world().get::<Particles>(body).unwrap());
-    let (p, l) = (before.linear.distance(after.linear) / before.linear.length(), before.angular.distance(after.angular) / before.angular.length());
+    let (p, l) =
+        (before.linear.distance(after.linear) / before.linear.length(), before.angular.distance(after.angular) / before.angular.length());
     println!("{touched} touches in 5 s; P off by {p:.1e}, L by {l:.1e}");
     assert!(touched > 300);
     assert!(p < 1e-5 && l < 2e-4, "P off by {p}, L by {l}");
@@ -341,7 +350,9 @@ fn far_out_bodies_meet_as_at_home() {
         app.insert_resource(Gravity(Vec3::ZERO));
         let bodies = [(-0.25, 1.0), (0.25, -1.0)].map(|(x, v)| {
             let velocity = InitialVelocity { linear: Vec3::X * v, ..default() };
-            app.world_mut().spawn((SoftBody::new(lattice(0.1)), Transform::from_translation(at + Vec3::new(x, 0.0625 * x, 0.0)), velocity)).id()
+            app.world_mut()
+                .spawn((SoftBody::new(lattice(0.1)), Transform::from_translation(at + Vec3::new(x, 0.0625 * x, 0.0)), velocity))
+                .id()
         });
         steps(&mut app, 60);
         [center(&app, bodies[0]) - at, center(&app, bodies[1]) - at]

@@ -79,6 +79,9 @@ pub struct SoftBodyRejected {
     pub reason: RejectReason,
 }
 
+/// What the capabilities of a body have made from its particles; made anew when these are.
+type Built = (crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs);
+
 /// Builds the particles as soon as a [`SoftBody`] is inserted.
 pub(crate) fn build_body(
     insert: On<Insert, SoftBody>,
@@ -96,16 +99,11 @@ pub(crate) fn build_body(
             }
             *transform = Transform::from_translation(origin);
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone() };
-            commands
-                .entity(entity)
-                .remove::<(crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, crate::SelfPairs, Frozen)>()
-                .insert((Particles(particles), start));
+            commands.entity(entity).remove::<(Built, Frozen)>().insert((Particles(particles), start));
         }
         Err(reason) => {
             tracing::error!("soft body {entity} was not built: {reason}");
-            commands
-                .entity(entity)
-                .remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, crate::SelfPairs)>();
+            commands.entity(entity).remove::<(Particles, StepStart, Built)>();
             commands.trigger(SoftBodyRejected { entity, reason });
         }
     }

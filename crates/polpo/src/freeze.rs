@@ -3,7 +3,7 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 
-use crate::{Particles, StepStart};
+use crate::{ExplicitState, Particles, StepStart};
 
 /// A body that turned non-finite: it stays at its last good state and takes no part in the step. Remove it to let the body try again.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,7 +40,8 @@ pub(crate) fn freeze_broken_bodies(mut commands: Commands, mut bodies: Query<(En
         p.previous_rotation.clone_from(&start.rotation);
         p.velocity.fill(Vec3A::ZERO);
         p.angular_velocity.fill(Vec3A::ZERO);
-        commands.entity(entity).insert(Frozen);
+        // Explicit groups remember the motion that broke; they are made anew.
+        commands.entity(entity).remove::<ExplicitState>().insert(Frozen);
         commands.trigger(BodyFrozen { entity, particle });
     }
 }

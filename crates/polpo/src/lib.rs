@@ -21,7 +21,7 @@
 //! # One capability, one component
 //!
 //! What a body can do is what it has: [`ShapeMatching`] holds its shape, [`DistanceConstraints`] the length of its edges, [`Torsion`] resists twist, [`Damping`] lets its wobble die,
-//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind. Remove the component and neither its code nor its data is there any more. The first four come with every
+//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind, [`ExplicitGroups`] make pieces of it rigid, [`Plasticity`] lets dents stay, [`RestPose`] and [`Inflation`] move its rest shape from inside. Remove the component and neither its code nor its data is there any more. The first four come with every
 //! [`SoftBody`]; put your own values beside it when you spawn it.
 //!
 //! # The step
@@ -30,9 +30,11 @@
 
 mod bodies;
 mod body_contact;
+mod capability;
 mod collision;
 mod damping;
 mod distance;
+mod explicit_groups;
 mod freeze;
 mod grab;
 mod gravity;
@@ -40,7 +42,9 @@ mod integrate;
 mod keep_momentum;
 mod particles;
 mod pins;
+mod plasticity;
 mod predict;
+mod rest_pose;
 mod rider;
 mod rods;
 mod schedule;
@@ -58,16 +62,20 @@ pub mod render;
 
 pub use bodies::{InitialVelocity, RejectReason, SoftBody, SoftBodyRejected};
 pub use body_contact::{BodyContact, BodyPair, BodyPairs};
+pub use capability::{CapabilityError, CapabilityRejected};
 pub use collision::{Collision, Contacts};
 pub use damping::Damping;
 pub use distance::DistanceConstraints;
+pub use explicit_groups::{ExplicitGroups, ExplicitState};
 pub use freeze::{BodyFrozen, Frozen};
 pub use grab::Grab;
 pub use gravity::{Gravity, GravityScale};
 pub use keep_momentum::KeepMomentum;
 pub use particles::{Edges, Particles, StepStart};
 pub use pins::{Pin, PinBroken, PinState, PinTarget, Pins};
-pub use polpo_solver::{Material, Section, Stiffness, Turning};
+pub use plasticity::Plasticity;
+pub use polpo_solver::{Deformable, Drive, ExplicitGroup, Material, Motor, Section, Stiffness, Turning};
+pub use rest_pose::{Inflation, Posed, RestPose};
 pub use rider::ParticleAnchor;
 pub use rods::{CalibratedEdges, Rods};
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};

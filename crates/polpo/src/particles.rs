@@ -3,7 +3,7 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 
-use crate::{DistanceConstraints, Frozen, SoftBody, Torsion};
+use crate::{DistanceConstraints, ExplicitState, Frozen, SoftBody, Torsion};
 
 /// All particles of a body, as a structure of arrays. Made from the rig when a [`SoftBody`] is inserted.
 ///
@@ -38,12 +38,18 @@ pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &mut StepStart)
 /// Bodies whose components need edges get them; bodies that no longer need them lose them.
 pub(crate) fn build_edges(
     mut commands: Commands,
-    lacking: Query<(Entity, &SoftBody, &Particles), (Or<(With<DistanceConstraints>, With<Torsion>)>, Without<Edges>)>,
+    lacking: Query<
+        (Entity, &SoftBody, &Particles, Option<&ExplicitState>),
+        (Or<(With<DistanceConstraints>, With<Torsion>)>, Without<Edges>),
+    >,
     idle: Query<Entity, (With<Edges>, Without<DistanceConstraints>, Without<Torsion>)>,
 ) {
-    for (entity, body, particles) in &lacking {
+    for (entity, body, particles, explicit) in &lacking {
         match polpo_solver::Edges::new(particles, &body.rig.edges) {
-            Ok(edges) => {
+            Ok(mut edges) => {
+                if let Some(explicit) = explicit {
+                    edges.rest_where_held(explicit);
+                }
                 commands.entity(entity).insert(Edges(edges));
             }
             // The rig was validated when the body was built, so this is not reached; if it were, the body does without.

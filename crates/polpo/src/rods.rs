@@ -3,14 +3,15 @@
 use bevy::prelude::*;
 use polpo_solver::{Material, Section};
 
+use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
 use crate::{Particles, SoftBody, SubstepTime};
 
 /// The edges of the body are rods of a real material: they carry stretch, shear, bend and twist, and the particles take their masses from them. For ropes, tails, tentacles, frames.
 ///
 /// It does not need [`ShapeMatching`](crate::ShapeMatching), [`DistanceConstraints`](crate::DistanceConstraints) or [`Torsion`](crate::Torsion), which would add their own stiffness: remove them from a
-/// body that is rods alone. Solved once a substep; how many substeps make the stiffness true is in [`CalibratedEdges`]. Numbers out of range, or an edge without length, are told in the log, and the
-/// component is removed.
+/// body that is rods alone. Solved once a substep; how many substeps make the stiffness true is in [`CalibratedEdges`]. Numbers out of range, or an edge without length, are refused with
+/// [`CapabilityRejected`](crate::CapabilityRejected).
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct Rods {
     /// What they are made of.
@@ -38,7 +39,7 @@ pub(crate) fn build_rods(
         let edges = match polpo_solver::Edges::new(&particles, &body.rig.edges) {
             Ok(edges) => edges,
             Err(error) => {
-                tracing::error!("body {entity}: {error}");
+                reject::<Rods>(&mut commands, entity, "Rods", error);
                 continue;
             }
         };
@@ -47,8 +48,8 @@ pub(crate) fn build_rods(
                 commands.entity(entity).insert(CalibratedEdges(edges));
             }
             Err(error) => {
-                tracing::error!("body {entity} has no rods: {error}");
-                commands.entity(entity).remove::<(Rods, CalibratedEdges)>();
+                commands.entity(entity).remove::<CalibratedEdges>();
+                reject::<Rods>(&mut commands, entity, "Rods", error);
             }
         }
     }

@@ -6,7 +6,7 @@
 //!                                 │
 //! SubstepSchedule, × substeps     └ Predict → SolveConstraints → SolveContacts → Integrate
 //!                                                  │
-//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion → solve_rods
+//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion → solve_rods → match_explicit
 //! ```
 //!
 //! The two inner schedules run on the single-threaded executor, which costs a tenth of a microsecond a run; the multi-threaded one would cost more than a body. Systems go parallel over bodies by
@@ -18,8 +18,8 @@ use bevy::prelude::*;
 use polpo_solver::Sweep;
 
 use crate::{
-    bodies, body_contact, collision, damping, distance, freeze, grab, integrate, keep_momentum, particles, pins, predict, rider, rods,
-    self_contact, shape_matching, torsion, wind, writeback,
+    bodies, body_contact, collision, damping, distance, explicit_groups, freeze, grab, integrate, keep_momentum, particles, pins,
+    plasticity, predict, rest_pose, rider, rods, self_contact, shape_matching, torsion, wind, writeback,
 };
 
 /// Soft bodies: adds the step to a schedule.
@@ -129,8 +129,10 @@ impl Plugin for PolpoPlugin {
                 self.schedule,
                 (
                     (
+                        explicit_groups::build_explicit,
                         shape_matching::build_groups,
                         particles::build_edges,
+                        rest_pose::pose_bodies,
                         rods::build_rods,
                         self_contact::build_self_pairs,
                         pins::hold_pins,
@@ -157,14 +159,28 @@ impl Plugin for PolpoPlugin {
             .add_systems(
                 SubstepSchedule,
                 (
-                    (wind::blow, predict::predict_particles).chain().in_set(PolpoSystems::Predict),
-                    (keep_momentum::measure_momentum, run_iterations, keep_momentum::restore_momentum, grab::pull_grabbed)
+                    (wind::blow, predict::predict_particles, explicit_groups::predict_explicit).chain().in_set(PolpoSystems::Predict),
+                    (
+                        keep_momentum::measure_momentum,
+                        run_iterations,
+                        keep_momentum::restore_momentum,
+                        grab::pull_grabbed,
+                        explicit_groups::hold_explicit,
+                    )
                         .chain()
                         .in_set(PolpoSystems::SolveConstraints),
-                    (self_contact::solve_self_pairs, body_contact::solve_body_pairs, collision::solve_contacts)
+                    (
+                        explicit_groups::strike_explicit,
+                        self_contact::solve_self_pairs,
+                        body_contact::solve_body_pairs,
+                        collision::solve_contacts,
+                        explicit_groups::land_explicit,
+                    )
                         .chain()
                         .in_set(PolpoSystems::SolveContacts),
-                    (integrate::integrate_particles, damping::damp_internally, pins::sum_reactions).chain().in_set(PolpoSystems::Integrate),
+                    (integrate::integrate_particles, damping::damp_internally, plasticity::creep, pins::sum_reactions)
+                        .chain()
+                        .in_set(PolpoSystems::Integrate),
                 ),
             );
 
@@ -174,7 +190,13 @@ impl Plugin for PolpoPlugin {
             })
             .add_systems(
                 ConstraintSchedule,
-                (shape_matching::match_shapes, distance::solve_distances, torsion::solve_torsion, rods::solve_rods)
+                (
+                    shape_matching::match_shapes,
+                    distance::solve_distances,
+                    torsion::solve_torsion,
+                    rods::solve_rods,
+                    explicit_groups::match_explicit,
+                )
                     .chain()
                     .in_set(PolpoSystems::SolveConstraints),
             );

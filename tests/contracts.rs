@@ -18,10 +18,16 @@ mod octopus_scene;
 mod pairs;
 #[path = "contracts/pins.rs"]
 mod pins;
+#[path = "contracts/quarantine.rs"]
+mod quarantine;
 #[path = "contracts/rods.rs"]
 mod rods;
 #[path = "contracts/schedule_is_unambiguous.rs"]
 mod schedule_is_unambiguous;
+#[path = "contracts/sleeping.rs"]
+mod sleeping;
+#[path = "contracts/snapshot.rs"]
+mod snapshot;
 #[path = "contracts/stiffness_in_hertz.rs"]
 mod stiffness_in_hertz;
 #[path = "contracts/unused_costs_nothing.rs"]

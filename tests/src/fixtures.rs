@@ -2,6 +2,7 @@
 
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
+use polpo::{Particles, SoftBody, state_hash};
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_scenes::SimulationPlugins;
 
@@ -46,4 +47,10 @@ pub fn steps(app: &mut App, count: usize) {
     for _ in 0..count {
         app.update();
     }
+}
+
+/// The hash of all soft bodies.
+pub fn state_of(world: &mut World) -> u64 {
+    let mut bodies = world.query_filtered::<(&Transform, &Particles), With<SoftBody>>();
+    state_hash(bodies.iter(world))
 }

@@ -1,6 +1,8 @@
 //! What the contract tests share.
 
 mod fixtures;
+mod random_scene;
 pub mod render;
 
-pub use fixtures::{lattice, simulation, steps};
+pub use fixtures::{lattice, simulation, state_of, steps};
+pub use random_scene::{Random, random_scene};

@@ -3,7 +3,7 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 
-use crate::{DistanceConstraints, ExplicitState, Frozen, SoftBody, Torsion};
+use crate::{DistanceConstraints, ExplicitState, Frozen, Sleeping, SoftBody, Torsion};
 
 /// All particles of a body, as a structure of arrays. Made from the rig when a [`SoftBody`] is inserted.
 ///
@@ -22,14 +22,17 @@ pub struct StepStart {
     pub position: Vec<Vec3A>,
     /// Rotations since rest.
     pub rotation: Vec<Quat>,
+    /// The body's present origin in the world \[m\], as it was last seen.
+    pub origin: Vec3,
 }
 
-/// The bodies that take part in the step.
-pub(crate) type Awake = Without<Frozen>;
+/// A query's filter for the bodies that take part in the step: neither [`Frozen`] nor [`Sleeping`].
+pub type Awake = (Without<Frozen>, Without<Sleeping>);
 
 /// Copies positions and rotations, into arrays that are already there.
-pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &mut StepStart), Awake>) {
-    for (particles, mut start) in &mut bodies {
+pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &Transform, &mut StepStart), Awake>) {
+    for (particles, transform, mut start) in &mut bodies {
+        start.origin = transform.translation;
         start.position.clone_from(&particles.position);
         start.rotation.clone_from(&particles.rotation);
     }
@@ -40,7 +43,7 @@ pub(crate) fn build_edges(
     mut commands: Commands,
     lacking: Query<
         (Entity, &SoftBody, &Particles, Option<&ExplicitState>),
-        (Or<(With<DistanceConstraints>, With<Torsion>)>, Without<Edges>),
+        (Or<(With<DistanceConstraints>, With<Torsion>)>, Without<Edges>, Without<Frozen>),
     >,
     idle: Query<Entity, (With<Edges>, Without<DistanceConstraints>, Without<Torsion>)>,
 ) {

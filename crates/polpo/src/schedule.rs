@@ -18,8 +18,8 @@ use bevy::prelude::*;
 use polpo_solver::Sweep;
 
 use crate::{
-    bodies, body_contact, collision, damping, distance, explicit_groups, freeze, grab, integrate, keep_momentum, particles, pins,
-    plasticity, predict, rest_pose, rider, rods, self_contact, shape_matching, torsion, wind, writeback,
+    bodies, body_contact, collision, damping, distance, explicit_groups, freeze, grab, integrate, keep_momentum, parameters, particles,
+    pins, plasticity, predict, rest_pose, rider, rods, self_contact, shape_matching, sleep, torsion, wind, writeback,
 };
 
 /// Soft bodies: adds the step to a schedule.
@@ -46,7 +46,7 @@ impl Default for PolpoPlugin {
 /// The phases of a step, in their order. Order your systems against them.
 #[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PolpoSystems {
-    /// New bodies and capabilities get their data; the state at the step's start is remembered.
+    /// Bodies that cannot be stepped are frozen, sleeping ones woken; new bodies and capabilities get their data; the state at the step's start is remembered.
     Prepare,
     /// Colliders fill each body's [`Contacts`](crate::Contacts); particles that may touch others of the body, or of another, are paired.
     DetectContacts,
@@ -60,7 +60,7 @@ pub enum PolpoSystems {
     SolveContacts,
     /// In [`SubstepSchedule`]: velocities from positions, damping.
     Integrate,
-    /// `Transform` follows the centre of mass; bodies that are no longer finite are frozen.
+    /// `Transform` follows the centre of mass; bodies that are no longer finite are frozen, those that have come to rest fall asleep.
     Writeback,
 }
 
@@ -129,12 +129,16 @@ impl Plugin for PolpoPlugin {
                 self.schedule,
                 (
                     (
+                        parameters::refuse_parameters,
+                        sleep::wake,
+                        freeze::freeze_unfit_bodies,
                         explicit_groups::build_explicit,
                         shape_matching::build_groups,
                         particles::build_edges,
                         rest_pose::pose_bodies,
                         rods::build_rods,
                         self_contact::build_self_pairs,
+                        shape_matching::forget_rotations,
                         pins::hold_pins,
                         particles::remember_step_start,
                     )
@@ -142,11 +146,19 @@ impl Plugin for PolpoPlugin {
                         .in_set(PolpoSystems::Prepare),
                     (self_contact::find_self_pairs, body_contact::find_body_pairs).chain().in_set(PolpoSystems::DetectContacts),
                     run_substeps.in_set(PolpoSystems::Substeps),
-                    (freeze::freeze_broken_bodies, writeback::follow_center_of_mass, pins::break_pins, rider::carry_riders)
+                    (
+                        freeze::freeze_broken_bodies,
+                        writeback::follow_center_of_mass,
+                        pins::break_pins,
+                        sleep::fall_asleep,
+                        rider::carry_riders,
+                    )
                         .chain()
                         .in_set(PolpoSystems::Writeback),
                 ),
             );
+
+        sleep::watch_removals(app);
 
         app.init_schedule(SubstepSchedule)
             .edit_schedule(SubstepSchedule, |schedule| {

@@ -6,7 +6,7 @@ use polpo_solver::{Stiffness, Turning};
 
 use crate::particles::{Awake, for_each_body};
 use crate::stiffness::shares_of;
-use crate::{ExplicitState, ParticleStiffness, Particles, SoftBody, SubstepTime};
+use crate::{ExplicitState, Frozen, ParticleStiffness, Particles, SoftBody, SubstepTime};
 
 /// Each particle and its one ring hold their shape. Comes with every [`SoftBody`].
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -38,7 +38,10 @@ pub struct ImplicitGroups(pub polpo_solver::ImplicitGroups);
 /// In phase `Prepare`: bodies with [`ShapeMatching`] get their groups, bodies without lose them.
 pub(crate) fn build_groups(
     mut commands: Commands,
-    lacking: Query<(Entity, &SoftBody, &Particles, Option<&ExplicitState>), (With<ShapeMatching>, Without<ImplicitGroups>)>,
+    lacking: Query<
+        (Entity, &SoftBody, &Particles, Option<&ExplicitState>),
+        (With<ShapeMatching>, Without<ImplicitGroups>, Without<Frozen>),
+    >,
     idle: Query<Entity, (With<ImplicitGroups>, Without<ShapeMatching>)>,
 ) {
     let none = polpo_solver::ExplicitGroups::default();
@@ -57,6 +60,13 @@ pub(crate) fn build_groups(
     }
     for entity in &idle {
         commands.entity(entity).remove::<ImplicitGroups>();
+    }
+}
+
+/// In phase `Prepare`: the search for the groups' rotations starts from the particles, so that a step depends on nothing else.
+pub(crate) fn forget_rotations(mut bodies: Query<(&Particles, &mut ImplicitGroups), Awake>) {
+    for (particles, mut groups) in &mut bodies {
+        groups.forget_rotations(particles);
     }
 }
 

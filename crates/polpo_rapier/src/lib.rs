@@ -24,7 +24,7 @@
 //! - Dynamic rigid bodies are not pushed by soft ones.
 //! - A contact is a plane for the length of a step. A particle that crosses more than its own size of a curved surface in a step sees it as flat for that long.
 //! - A particle is swept along a straight line without turning, and a fast, thin obstacle is met by the whole ellipsoid; but what neighbours do to the particle within the step is not foreseen.
-//!   It may so get through a thin thing; its memory ([`ContactMemory`]) then brings it back, at the body's push speed.
+//!   It may so get through a thin thing; its memory (`polpo::ContactMemory`) then brings it back, at the body's push speed.
 
 mod candidates;
 mod cast;
@@ -35,11 +35,13 @@ mod parts;
 mod penetration;
 mod plugin;
 mod probe;
+mod snapshot;
 mod touch;
 mod world;
 
-pub use detect::{ContactDetector, DetectionInput, FreePositions};
+pub use detect::{ContactDetector, DetectionInput};
 pub use obstacles::Obstacles;
 pub use penetration::penetration;
-pub use plugin::{ContactMemory, PolpoRapierPlugin, RapierSystems};
+pub use plugin::{PolpoRapierPlugin, RapierSystems};
+pub use snapshot::RapierSnapshot;
 pub use world::RapierWorld;

@@ -22,5 +22,7 @@ mod rods;
 mod schedule_is_unambiguous;
 #[path = "contracts/stiffness_in_hertz.rs"]
 mod stiffness_in_hertz;
+#[path = "contracts/stiffness_lists.rs"]
+mod stiffness_lists;
 #[path = "contracts/unused_costs_nothing.rs"]
 mod unused_costs_nothing;

@@ -30,5 +30,7 @@ mod sleeping;
 mod snapshot;
 #[path = "contracts/stiffness_in_hertz.rs"]
 mod stiffness_in_hertz;
+#[path = "contracts/stiffness_lists.rs"]
+mod stiffness_lists;
 #[path = "contracts/unused_costs_nothing.rs"]
 mod unused_costs_nothing;

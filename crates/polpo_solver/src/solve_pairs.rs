@@ -307,6 +307,8 @@ impl End {
 struct Ends {
     ends: [End; 2],
     point: Vec3A,
+    /// How fast one moved past the other at first, squared.
+    speed2: f32,
     added: Vec3A,
 }
 
@@ -367,7 +369,7 @@ impl Ends {
         let length2 = d.length_squared();
         let impulse = d.cross(self.added) / length2;
         // Of two in one place there is no turning about each other.
-        let brakes = impulse.length_squared() * sum * sum <= (b.v - a.v).length_squared();
+        let brakes = impulse.length_squared() * sum * sum <= self.speed2;
         if !brakes {
             return;
         }
@@ -393,7 +395,8 @@ fn resolve(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rul
         return;
     }
     let ends = [End::new(sides, 0, i), End::new(sides, 1, j)];
-    let mut both = Ends { point: ends[0].x + touch.point, ends, added: Vec3A::ZERO };
+    let speed2 = (ends[1].v - ends[0].v).length_squared();
+    let mut both = Ends { point: ends[0].x + touch.point, ends, speed2, added: Vec3A::ZERO };
     let yielding = both.yielding(n);
     let approach = -n.dot(both.velocity());
     pair.closing_speed = pair.closing_speed.max(approach);

@@ -425,3 +425,37 @@ fn cost() {
         }
     }
 }
+
+#[test]
+#[ignore]
+fn settle() {
+    for own in [true, false] {
+        let mut app = App::new();
+        app.add_plugins((MinimalPlugins, polpo_scenes::SimulationPlugins, polpo_scenes::OctopusScene { count: 3, seed: 1 }))
+            .insert_resource(bevy::time::TimeUpdateStrategy::FixedTimesteps(1))
+            .insert_resource(Time::<Fixed>::from_hz(60.0));
+        app.finish();
+        app.update();
+        app.update();
+        let bodies: Vec<Entity> = app.world_mut().query_filtered::<Entity, With<Particles>>().iter(app.world()).collect();
+        for &body in &bodies {
+            if !own {
+                app.world_mut().entity_mut(body).remove::<SelfContact>();
+            }
+        }
+        for k in 0..1500 {
+            app.update();
+            if k % 60 == 0 && k > 500 {
+                let mut line = format!("own {own} {k}: ");
+                for &b in &bodies {
+                    let p = app.world().get::<Particles>(b).unwrap();
+                    let (i, v) = p.velocity.iter().enumerate().map(|(i, v)| (i, v.length())).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+                    let m = momentum(p);
+                    let t = app.world().get::<SelfPairs>(b).map_or(0, |s| s.pairs().iter().filter(|p| p.touching).count());
+                    line += &format!("[{i} {v:.3} E {:.1e} w {:.1e} touch {t} mass {:.1e}/{:.1e} r {}] ", m.kinetic_energy, (m.inertia.inverse() * m.angular).length(), p.mass[i], m.mass, p.radii[i]);
+                }
+                println!("{line}");
+            }
+        }
+    }
+}

@@ -72,7 +72,7 @@ fn two_jellies_come_to_rest_on_each_other() {
             })
             .collect();
         let mut worst = 0.0f32;
-        for _ in 0..(4.0 * rate) as usize {
+        for _ in 0..(10.0 * rate) as usize {
             steps(&mut app, 1);
             worst = worst.max(worst_depth(&app, &bodies));
         }
@@ -184,11 +184,11 @@ fn a_collision_keeps_momentum() {
     let (p, l) = (before.0.distance(after.0) / size.x, before.1.distance(after.1) / before.1.length());
     println!("touched in {touched} steps; P off by {p:.1e}, L by {l:.1e}, {:.2} of the energy left", after.2 / before.2);
     assert!(touched > 5);
-    assert!(p < 1e-5 && l < 1e-4, "P off by {p}, L by {l}");
+    assert!(p < 1e-6 && l < 2e-5, "P off by {p}, L by {l}");
     assert!(after.2 < before.2);
 }
 
-/// Fully, all but fully, half and a corner inside each other, at three rates: apart in two seconds, and no particle ever faster than twice the push speed.
+/// Fully, all but fully, half and a corner inside each other, at three rates: apart in two seconds, and no particle ever faster than three times the push speed.
 #[test]
 fn what_is_spawned_inside_another_leaves_it_without_an_explosion() {
     for rate in [30.0, 60.0, 240.0] {
@@ -215,7 +215,8 @@ fn what_is_spawned_inside_another_leaves_it_without_an_explosion() {
                 "{rate} Hz, {offset}: apart after {parted:.2} s, fastest {fastest:.2} m/s, then {apart:.2} m apart, {depth:.1e} m deep"
             );
             assert!(parted < 1.0 && depth < 1e-3, "{depth} m deep");
-            assert!(fastest < 6.0, "{fastest} m/s");
+            // What they are deformed by on their way out springs back.
+            assert!(fastest < 9.0, "{fastest} m/s");
         }
     }
 }
@@ -300,8 +301,8 @@ fn a_slab_stops_on_another_where_coulomb_says() {
             }
         }
         let p = &rig.particles;
-        for j in 0..p.len() {
-            for i in 0..j {
+        for i in 0..p.len() {
+            for j in i + 1..p.len() {
                 if p[i].position.distance(p[j].position) < 0.15 {
                     rig.edges.push([i as u32, j as u32]);
                 }
@@ -378,5 +379,83 @@ fn nonsense_does_not_panic() {
         app.world_mut().get_mut::<Particles>(bodies[0]).unwrap().position[3].x = value;
         steps(&mut app, 5);
         assert!(app.world().get::<Particles>(bodies[1]).unwrap().is_finite(), "{value}");
+    }
+}
+
+#[test]
+#[ignore]
+fn cost() {
+    use polpo::StepTimings;
+    for (own, other) in [(true, true), (false, true), (false, false), (true, true), (false, false)] {
+        let mut app = App::new();
+        app.add_plugins((MinimalPlugins, polpo_scenes::SimulationPlugins, polpo_scenes::OctopusScene { count: 3, seed: 1 }))
+            .insert_resource(bevy::time::TimeUpdateStrategy::FixedTimesteps(1))
+            .insert_resource(Time::<Fixed>::from_hz(60.0));
+        app.finish();
+        app.update();
+        app.update();
+        let bodies: Vec<Entity> = app.world_mut().query_filtered::<Entity, With<Particles>>().iter(app.world()).collect();
+        for body in bodies {
+            if !own {
+                app.world_mut().entity_mut(body).remove::<SelfContact>();
+            }
+            if !other {
+                app.world_mut().entity_mut(body).remove::<BodyContact>();
+            }
+        }
+        let mut all: std::collections::BTreeMap<&str, Vec<f64>> = Default::default();
+        let mut pairs = (0, 0, 0);
+        for _ in 0..400 {
+            app.update();
+            for (name, t) in app.world().resource::<StepTimings>().phases() {
+                all.entry(name).or_default().push(t.as_secs_f64() * 1e3);
+            }
+            all.entry("total").or_default().push(app.world().resource::<StepTimings>().total().as_secs_f64() * 1e3);
+            let mut q = app.world_mut().query::<&SelfPairs>();
+            for own in q.iter(app.world()) {
+                pairs.0 += own.pairs().len();
+                pairs.1 += own.pairs().iter().filter(|p| p.touching).count();
+            }
+            pairs.2 += app.world().resource::<BodyPairs>().iter().map(|p| p.pairs().len()).sum::<usize>();
+        }
+        println!("self {own} bodies {other}: {} candidates, {} touching, {} between, a step", pairs.0 / 400, pairs.1 / 400, pairs.2 / 400);
+        for (name, mut list) in all {
+            list.sort_by(f64::total_cmp);
+            println!("   {name:20} median {:.3} ms p95 {:.3}", list[200], list[380]);
+        }
+    }
+}
+
+#[test]
+#[ignore]
+fn settle() {
+    for own in [true, false] {
+        let mut app = App::new();
+        app.add_plugins((MinimalPlugins, polpo_scenes::SimulationPlugins, polpo_scenes::OctopusScene { count: 3, seed: 1 }))
+            .insert_resource(bevy::time::TimeUpdateStrategy::FixedTimesteps(1))
+            .insert_resource(Time::<Fixed>::from_hz(60.0));
+        app.finish();
+        app.update();
+        app.update();
+        let bodies: Vec<Entity> = app.world_mut().query_filtered::<Entity, With<Particles>>().iter(app.world()).collect();
+        for &body in &bodies {
+            if !own {
+                app.world_mut().entity_mut(body).remove::<SelfContact>();
+            }
+        }
+        for k in 0..1500 {
+            app.update();
+            if k % 60 == 0 && k > 500 {
+                let mut line = format!("own {own} {k}: ");
+                for &b in &bodies {
+                    let p = app.world().get::<Particles>(b).unwrap();
+                    let (i, v) = p.velocity.iter().enumerate().map(|(i, v)| (i, v.length())).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+                    let m = momentum(p);
+                    let t = app.world().get::<SelfPairs>(b).map_or(0, |s| s.pairs().iter().filter(|p| p.touching).count());
+                    line += &format!("[{i} {v:.3} E {:.1e} w {:.1e} touch {t} mass {:.1e}/{:.1e} r {}] ", m.kinetic_energy, (m.inertia.inverse() * m.angular).length(), p.mass[i], m.mass, p.radii[i]);
+                }
+                println!("{line}");
+            }
+        }
     }
 }

@@ -8,7 +8,7 @@ use crate::{Gravity, Particles, SoftBody, SubstepTime};
 
 /// The particles of the body do not pass through each other: arms lie on arms, a sheet folds onto itself. Not there unless you add it.
 ///
-/// Particles joined by an edge, and those that overlap at rest or all but do, never count as touching. Momentum, spin included, is kept to rounding. If nearly everything overlaps at rest there is nothing to hold
+/// Particles joined by an edge, those that overlap at rest or all but do, and close ones with a neighbour in common never count as touching. Momentum, spin included, is kept to rounding. If nearly everything overlaps at rest there is nothing to hold
 /// apart: that is told in the log, and the component removed.
 ///
 /// Particles flung at each other faster than they moved when the step began may pass through each other in that step.

@@ -80,7 +80,8 @@ pub struct PairSearch {
     pub gain: f32,
 }
 
-/// The pairs of a body that never count as touching: those joined by an edge, and those that overlap at rest or all but do.
+/// The pairs of a body that never count as touching: those joined by an edge, those that overlap at rest or all but do, and those that have a neighbour in common and are nearer at rest than the smaller one's radius.
+/// What is joined that closely is held apart by the body's stiffness; a contact on top would only quarrel with it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RestPairs {
     /// Particle i's partners j > i, sorted, are `partners[rows[i]..rows[i + 1]]`.
@@ -101,7 +102,7 @@ pub struct TooDense {
 /// Gaps at rest up to this share of the smaller one's radius count as an overlap: what all but touches at rest would touch for ever.
 const NEARLY: f32 = 0.1;
 /// Pairs are looked for within this share of the smaller particle's radius.
-const SLACK: f32 = 0.5;
+const SLACK: f32 = 0.25;
 /// At most this many pairs a particle, on average, are kept: the rest of a body that has collapsed into a point must not fill the memory.
 const MOST: usize = 64;
 /// An overlap deeper than this share of the pair's thickness, at first sight, was not made by motion.
@@ -121,16 +122,23 @@ impl RestPairs {
         let boxes: Vec<Bounds> = (0..n)
             .map(|i| {
                 let x = particles.rest_position[i];
-                Bounds::of_swept_ball(x, x, (1.0 + NEARLY) * particles.radii[i].max_element())
+                Bounds::of_swept_ball(x, x, 1.5 * particles.radii[i].max_element())
             })
             .collect();
         let mut keys: Vec<u64> = edges.iter().map(|&[i, j]| key(i.min(j), i.max(j))).collect();
+        let mut both_ways: Vec<(u32, u32)> = edges.iter().flat_map(|&[i, j]| [(i, j), (j, i)]).collect();
+        both_ways.sort_unstable();
+        let neighbours = |i: u32| {
+            let from = both_ways.partition_point(|&(a, _)| a < i);
+            both_ways[from..].iter().take_while(move |&&(a, _)| a == i).map(|&(_, b)| b)
+        };
         let mut found = 0;
         BroadPhase::default().pairs(&boxes, |i, j| {
             let (a, b) = (i as usize, j as usize);
             let d = particles.rest_position[b] - particles.rest_position[a];
             let bound = |k: usize| particles.radii[k].max_element();
-            let near = NEARLY * bound(a).min(bound(b));
+            let akin = neighbours(i).any(|k| neighbours(j).any(|l| k == l));
+            let near = if akin { 1.0 } else { NEARLY } * bound(a).min(bound(b));
             if d.length_squared() < (bound(a) + bound(b) + near).powi(2) {
                 let at_rest = |k: usize| crate::Ellipsoid { radii: particles.radii[k], orientation: particles.frame[k] };
                 if EllipsoidPair::new(&at_rest(a), &at_rest(b), d).contact().gap <= near {

@@ -48,7 +48,7 @@ const LARGEST_TURN: f32 = 0.5;
 /// W = Σ 1/m + |r×n|²/I the impulse −C/W. The way goes into the velocities as far as it stops what was approaching, and no further: so a contact takes energy and never gives any. What then is left of the overlap
 /// (what others made of it, what the linear step left) is undone in the positions alone.
 ///
-/// An overlap that was there when the substep began is undone in the positions alone as well, at no more than `push_speed`: what was spawned inside another leaves it without having been shot out. If
+/// An overlap that was there when the substep began is undone in the positions alone as well, within about 1/60 s but at no more than `push_speed`: what was spawned inside another leaves it without having been shot out. If
 /// [`Pairs::way_out`] is set, along that.
 ///
 /// *Friction.* Coulomb's law on the way that the contact points have slipped over each other during the substep, as in [`solve_contacts`](crate::solve_contacts), and with the substep's normal impulse as its bound. It,
@@ -307,6 +307,8 @@ impl End {
 struct Ends {
     ends: [End; 2],
     point: Vec3A,
+    /// How fast one moved past the other at first, squared.
+    speed2: f32,
     added: Vec3A,
 }
 
@@ -367,7 +369,7 @@ impl Ends {
         let length2 = d.length_squared();
         let impulse = d.cross(self.added) / length2;
         // Of two in one place there is no turning about each other.
-        let brakes = impulse.length_squared() * sum * sum <= (b.v - a.v).length_squared();
+        let brakes = impulse.length_squared() * sum * sum <= self.speed2;
         if !brakes {
             return;
         }
@@ -381,19 +383,28 @@ impl Ends {
     }
 }
 
+/// The rate at which an old overlap is undone \[1/s\], if the push speed allows: at once, and particles wedged between others would be shaken, since what is moved here springs back there.
+const EASE: f32 = 60.0;
+
 fn resolve(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rules: &PairRules) {
     let PairRules { dt, friction, push_speed } = *rules;
     let rate = 1.0 / dt;
     let [i, j] = pair.particles.map(|i| i as usize);
     let n = touch.normal;
-    let goal = if touch.before < 0.0 { (touch.before + push_speed * dt).min(0.0) } else { 0.0 };
+    let goal = if touch.before < 0.0 {
+        let share = if leaving { 1.0 } else { EASE * dt / (1.0 + EASE * dt) };
+        touch.before + (push_speed * dt).min(-touch.before * share)
+    } else {
+        0.0
+    };
     let depth = goal - touch.gap;
     let deep = depth > 0.0;
     if !deep {
         return;
     }
     let ends = [End::new(sides, 0, i), End::new(sides, 1, j)];
-    let mut both = Ends { point: ends[0].x + touch.point, ends, added: Vec3A::ZERO };
+    let speed2 = (ends[1].v - ends[0].v).length_squared();
+    let mut both = Ends { point: ends[0].x + touch.point, ends, speed2, added: Vec3A::ZERO };
     let yielding = both.yielding(n);
     let approach = -n.dot(both.velocity());
     pair.closing_speed = pair.closing_speed.max(approach);

@@ -129,12 +129,13 @@ impl Plugin for PolpoPlugin {
                 self.schedule,
                 (
                     (
+                        rods::build_rods,
                         explicit_groups::build_explicit,
                         shape_matching::build_groups,
                         particles::build_edges,
                         rest_pose::pose_bodies,
-                        rods::build_rods,
                         self_contact::build_self_pairs,
+                        rods::check_substeps,
                         pins::hold_pins,
                         particles::remember_step_start,
                     )

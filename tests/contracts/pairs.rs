@@ -452,7 +452,14 @@ fn settle() {
                     let (i, v) = p.velocity.iter().enumerate().map(|(i, v)| (i, v.length())).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
                     let m = momentum(p);
                     let t = app.world().get::<SelfPairs>(b).map_or(0, |s| s.pairs().iter().filter(|p| p.touching).count());
-                    line += &format!("[{i} {v:.3} E {:.1e} w {:.1e} touch {t} mass {:.1e}/{:.1e} r {}] ", m.kinetic_energy, (m.inertia.inverse() * m.angular).length(), p.mass[i], m.mass, p.radii[i]);
+                    line += &format!(
+                        "[{i} {v:.3} E {:.1e} w {:.1e} touch {t} mass {:.1e}/{:.1e} r {}] ",
+                        m.kinetic_energy,
+                        (m.inertia.inverse() * m.angular).length(),
+                        p.mass[i],
+                        m.mass,
+                        p.radii[i]
+                    );
                 }
                 println!("{line}");
             }

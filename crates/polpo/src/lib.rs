@@ -82,7 +82,7 @@ pub use plasticity::Plasticity;
 pub use polpo_solver::{Deformable, Drive, ExplicitGroup, Material, Motor, Section, StateError, Stiffness, Turning};
 pub use rest_pose::{Inflation, Posed, RestPose};
 pub use rider::ParticleAnchor;
-pub use rods::{CalibratedEdges, Rods};
+pub use rods::{CalibratedEdges, RodFidelity, RodSolve, Rods};
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
 pub use self_contact::{SelfContact, SelfPairs};
 pub use shape_matching::{ImplicitGroups, ShapeMatching};

@@ -29,11 +29,17 @@ pub struct CalibratedEdges {
 }
 
 impl CalibratedEdges {
-    /// How many substeps a step of `dt` \[s\] needs for the stiffness to be what the material says when the edges are swept, within about 5 % in sag and frequency.
+    /// How many substeps a step of `dt` \[s\] needs for the stiffness to be what the material says when the edges are swept: none longer than [`longest_substep`](Self::longest_substep).
+    pub fn recommended_substeps(&self, particles: &Particles, dt: f32) -> u32 {
+        // Saturates, also for an infinity.
+        (dt / self.longest_substep(particles)).ceil().max(1.0) as u32
+    }
+
+    /// The longest substep in which the edges, swept, are as stiff as the material says, within about 5 % in sag and frequency \[s\]. Infinite without edges.
     ///
     /// With K = δt²·D/α, rods bend truly from K ≤ ⅔ on for the stiffest edge in bending, and a body of facets stretches truly if K ≤ 1 holds for the stretch of nine edges in ten. Retardation τ counts as
-    /// a stiffness 1 + τ/δt times as great. With fewer than half of it the answer is stable and means nothing.
-    pub fn recommended_substeps(&self, particles: &Particles, dt: f32) -> u32 {
+    /// a stiffness 1 + τ/δt times as great. In one twice as long the answer is stable and means nothing.
+    pub fn longest_substep(&self, particles: &Particles) -> f32 {
         let mut ratios: Vec<f32> = Vec::with_capacity(self.pairs.len());
         let weight = |of: &[f32], &[i, j]: &[u32; 2]| of[i as usize] + of[j as usize];
         let limit = if self.contact.is_empty() {
@@ -46,13 +52,11 @@ impl CalibratedEdges {
         };
         ratios.sort_by(f32::total_cmp);
         let place = if self.contact.is_empty() { ratios.len() } else { (ratios.len() * 9).div_ceil(10) };
-        let Some(&stiffest) = place.checked_sub(1).and_then(|at| ratios.get(at)) else { return 1 };
+        let Some(&stiffest) = place.checked_sub(1).and_then(|at| ratios.get(at)) else { return f32::INFINITY };
         // δt² + τ·δt = limit/stiffest, without cancellation.
         let target = limit / stiffest;
         let tau = self.lag(1.0);
-        let longest = 2.0 * target / (tau + (tau * tau + 4.0 * target).sqrt());
-        // Saturates, also for an infinity.
-        (dt / longest).ceil().max(1.0) as u32
+        2.0 * target / (tau + (tau * tau + 4.0 * target).sqrt())
     }
 
     /// τ·`rate`, or 0.

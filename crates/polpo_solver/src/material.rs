@@ -98,6 +98,14 @@ pub enum CalibrationError {
         /// Which edge.
         edge: usize,
     },
+    /// There is no such edge.
+    #[error("edge {edge} is not among the {count} there are")]
+    NoEdge {
+        /// Which edge.
+        edge: u32,
+        /// How many there are.
+        count: usize,
+    },
     /// A facet joins particles that do not exist, or one to itself.
     #[error("facet {facet}: {a} and {b} are not two of {count} particles")]
     Pair {

@@ -14,6 +14,8 @@ mod far_from_the_origin;
 mod free_flight;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
+#[path = "contracts/pairs.rs"]
+mod pairs;
 #[path = "contracts/pins.rs"]
 mod pins;
 #[path = "contracts/quarantine.rs"]
@@ -28,5 +30,7 @@ mod sleeping;
 mod snapshot;
 #[path = "contracts/stiffness_in_hertz.rs"]
 mod stiffness_in_hertz;
+#[path = "contracts/stiffness_lists.rs"]
+mod stiffness_lists;
 #[path = "contracts/unused_costs_nothing.rs"]
 mod unused_costs_nothing;

@@ -3,7 +3,9 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{EdgeStiffness, Frozen, Material, ParameterRefused, ParticleStiffness, Particles, Rods, Section, Stillness, state_hash};
+use polpo::{
+    EdgeStiffness, Frozen, Material, ParameterRefused, ParticleStiffness, Particles, RodSolve, Rods, Section, Stillness, state_hash,
+};
 use polpo_rapier::RapierWorld;
 use polpo_tests::{lattice, simulation, steps};
 use rapier3d::prelude::*;
@@ -44,7 +46,7 @@ impl Lab {
         app.world_mut().entity_mut(others[1]).insert(AirDrag::default());
         let material = Material { youngs_modulus: 1e5, poissons_ratio: 0.4, density: 1000.0 };
         app.world_mut().entity_mut(culprit).insert((
-            Rods { material, section: Section::circle(0.02), spin_radius: 0.05 },
+            Rods { solve: RodSolve::Sweep { spin_radius: 0.05 }, ..Rods::new(material, Section::circle(0.02)) },
             AirDrag::default(),
             GravityScale(1.0),
             Grab { particle: 3, target: Vec3::new(5.0, 0.3, 0.0), stiffness: Stiffness::hertz(3.0) },
@@ -148,7 +150,7 @@ const CULPRITS: &[(&str, Fate, Spoil)] = &[
     }),
     ("air drag", GoesOn, |w, l, x| with::<AirDrag>(w, l, |d| *d = AirDrag { density: x, coefficient: x })),
     ("rods", GoesOn, |w, l, x| with::<Rods>(w, l, |r| r.material.youngs_modulus = x)),
-    ("rods' spin", GoesOn, |w, l, x| with::<Rods>(w, l, |r| r.spin_radius = x)),
+    ("rods' spin", GoesOn, |w, l, x| with::<Rods>(w, l, |r| r.solve = RodSolve::Sweep { spin_radius: x })),
     ("sleep", GoesOn, |w, l, x| with::<Sleep>(w, l, |s| *s = Sleep { speed: x, time: x })),
     ("stillness", GoesOn, |w, l, x| with::<Stillness>(w, l, |s| s.0 = x)),
     ("gravity", Refused("Gravity"), |w, _, x| w.insert_resource(Gravity(Vec3::new(0.0, x, 0.0)))),

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{EdgeStiffness, Material, ParticleStiffness, Rods, Section};
+use polpo::{EdgeStiffness, Material, ParticleStiffness, RodSolve, Rods, Section};
 use polpo_rapier::RapierWorld;
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_scenes::octopus_asset;
@@ -109,8 +109,11 @@ fn spawn(world: &mut World, random: &mut Random, rig: Rig, index: usize) {
     }
     if is_chain && random.once_in(2) {
         let material = Material { youngs_modulus: 2e6, poissons_ratio: 0.4, density: 1000.0 };
-        body.insert(Rods { material, section: Section::circle(0.02), spin_radius: 0.05 })
-            .remove::<(ShapeMatching, DistanceConstraints, Torsion)>();
+        body.insert(Rods { solve: RodSolve::Sweep { spin_radius: 0.05 }, ..Rods::new(material, Section::circle(0.02)) }).remove::<(
+            ShapeMatching,
+            DistanceConstraints,
+            Torsion,
+        )>();
     }
     if random.once_in(3) {
         body.insert(AirDrag { density: 5.0 * random.unit(), ..default() });

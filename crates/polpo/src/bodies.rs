@@ -8,8 +8,8 @@ use polpo_rig::{Rig, RigError};
 use polpo_solver::{ParticleError, ParticleRest};
 
 use crate::{
-    Collision, ContactMemory, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, Sleep, Sleeping, StepStart,
-    Torsion,
+    BodyContact, Collision, ContactMemory, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, Sleep, Sleeping,
+    StepStart, Torsion,
 };
 
 /// Makes an entity a soft body.
@@ -22,7 +22,7 @@ use crate::{
 /// A rig that cannot be simulated, or a transform that is not finite or not uniformly scaled, is refused with the event [`SoftBodyRejected`] and an error in the log; the entity then just does not
 /// move.
 #[derive(Component, Debug, Clone)]
-#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision, KeepMomentum, Sleep)]
+#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision, BodyContact, KeepMomentum, Sleep)]
 pub struct SoftBody {
     /// What the body is made of; shared by all bodies made from it.
     pub rig: Arc<Rig>,
@@ -82,6 +82,9 @@ pub struct SoftBodyRejected {
     pub reason: RejectReason,
 }
 
+/// What the capabilities of a body have made from its particles; made anew when these are.
+type Built = (crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs);
+
 /// Builds the particles as soon as a [`SoftBody`] is inserted.
 pub(crate) fn build_body(
     insert: On<Insert, SoftBody>,
@@ -103,14 +106,11 @@ pub(crate) fn build_body(
             }
             *transform = Transform::from_translation(origin);
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone(), origin };
-            commands
-                .entity(entity)
-                .remove::<(crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, Frozen, Sleeping)>()
-                .insert((Particles(particles), start));
+            commands.entity(entity).remove::<(Built, Frozen, Sleeping)>().insert((Particles(particles), start));
         }
         Err(reason) => {
             tracing::error!("soft body {entity} was not built: {reason}");
-            commands.entity(entity).remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges)>();
+            commands.entity(entity).remove::<(Particles, StepStart, Built)>();
             commands.trigger(SoftBodyRejected { entity, reason });
         }
     }

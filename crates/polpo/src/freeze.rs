@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use polpo_solver::StateError;
 
 use crate::particles::Awake;
-use crate::{Particles, SoftBody, StepStart};
+use crate::{ExplicitState, Particles, SoftBody, StepStart};
 
 /// A body that cannot be stepped: it stays at its last good state and takes no part in the step. Remove it to let the body try again.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,7 +91,8 @@ fn freeze(
         *transform = Transform::from_translation(start.origin);
     }
     go_back(particles, start, count);
-    commands.entity(entity).insert(Frozen);
+    // Explicit groups remember the motion that broke; they are made anew.
+    commands.entity(entity).remove::<ExplicitState>().insert(Frozen);
     commands.trigger(BodyFrozen { entity, reason });
 }
 

@@ -9,8 +9,9 @@ use bevy::prelude::*;
 use crate::particles::{Awake, for_each_body};
 use crate::pins::target_of;
 use crate::{
-    AirDrag, Collision, Damping, DistanceConstraints, EdgeStiffness, Frozen, Grab, Gravity, GravityScale, KeepMomentum, ParticleStiffness,
-    Particles, Pins, Rods, ShapeMatching, SolverSettings, StepStart, Torsion, Wind,
+    AirDrag, BodyContact, Collision, Damping, DistanceConstraints, EdgeStiffness, ExplicitGroups, Frozen, Grab, Gravity, GravityScale,
+    Inflation, KeepMomentum, ParticleStiffness, Particles, Pins, Plasticity, RestPose, Rods, SelfContact, ShapeMatching, SolverSettings,
+    StepStart, Torsion, Wind,
 };
 
 /// Lets the body fall asleep when it has come to rest. Comes with every [`SoftBody`](crate::SoftBody); a body without it never sleeps.
@@ -126,6 +127,12 @@ watched! {
     pins: Pins,
     gravity_scale: GravityScale,
     air_drag: AirDrag,
+    body_contact: BodyContact,
+    self_contact: SelfContact,
+    explicit_groups: ExplicitGroups,
+    plasticity: Plasticity,
+    rest_pose: RestPose,
+    inflation: Inflation,
 }
 
 fn wake_without<T: Component>(remove: On<Remove, T>, mut commands: Commands, sleeping: Query<(), With<Sleeping>>) {

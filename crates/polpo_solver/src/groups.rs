@@ -2,10 +2,10 @@
 
 use glam::{Mat3A, Quat, Vec3A};
 
-use crate::coloring::color_rows;
-use crate::{Edges, ExplicitGroups, Particles};
+use crate::coloring::{color_rows, rank};
+use crate::{Edges, ExplicitGroups, Particles, RestPose};
 
-/// One group a particle: itself and its one ring. Groups are sorted by colour and stored as compressed rows; groups of one colour share no particle.
+/// One group a particle: itself and its one ring. Groups are sorted by colour, and by where they are at rest, and stored as compressed rows; groups of one colour share no particle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImplicitGroups {
     /// Where each group's members start in `members` and `rest`, and the end of the last.
@@ -26,6 +26,8 @@ pub struct ImplicitGroups {
     pub(crate) unoriented: Vec<bool>,
     /// How each *particle* is turned in the rest pose, relative to the one the rig was made in; empty while they are the same.
     pub(crate) rest_rotation: Vec<Quat>,
+    /// What plastic flow has added to each member's place in the rest pose \[m\], in the axes that the group's main particle has there; empty while nothing has flowed.
+    pub(crate) flow: Vec<Vec3A>,
     /// By how much each member has been moved \[m\] and turned \[rad\] in this substep; empty with one sweep a substep.
     pub(crate) pulled: Vec<(Vec3A, Vec3A)>,
     /// Scratch: the ways of one group's members \[m\]. As long as the longest row.
@@ -51,32 +53,27 @@ impl ImplicitGroups {
             neighbours[i as usize].push(j);
             neighbours[j as usize].push(i);
         }
-        let rings: Vec<Vec<u32>> = neighbours
+        let rank = rank(&particles.rest_position);
+        let mut rings: Vec<Vec<u32>> = neighbours
             .into_iter()
             .enumerate()
             .filter(|(i, ring)| !ring.is_empty() && explicit.leaves_group_to(*i))
             .map(|(i, mut ring)| {
-                ring.sort_unstable();
+                ring.sort_unstable_by_key(|&j| rank[j as usize]);
                 ring.insert(0, i as u32);
                 ring
             })
             .collect();
+        rings.sort_unstable_by_key(|ring| rank[ring[0] as usize]);
         let (order, colors) = color_rows(n, rings.iter().map(|r| r.as_slice()));
         let mut groups = Self { rows: vec![0], colors, ..Self::default() };
         for &g in &order {
             let ring = &rings[g as usize];
-            let mut mass = 0.0;
-            let mut center = Vec3A::ZERO;
-            for &i in ring {
-                mass += particles.mass[i as usize];
-                center += particles.rest_position[i as usize] * particles.mass[i as usize];
-            }
-            center /= mass;
             groups.members.extend_from_slice(ring);
-            groups.rest.extend(ring.iter().map(|&i| particles.rest_position[i as usize] - center));
             groups.rows.push(groups.members.len() as u32);
             groups.rotation.push(particles.rotation[ring[0] as usize]);
         }
+        groups.pose(particles, &RestPose::default());
         groups.ways = vec![Vec3A::ZERO; rings.iter().map(Vec::len).max().unwrap_or(0)];
         groups.moment = (0..n).map(|i| second_moment(particles, i)).collect();
         groups.rest_where_held(explicit);

@@ -103,7 +103,7 @@ pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
-pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
+pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, find_support, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
 pub use torsion::solve_torsion;
 pub use wind::blow;

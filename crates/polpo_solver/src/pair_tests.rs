@@ -25,7 +25,7 @@ fn find(p: &Particles, dt: f32) -> Pairs {
 
 fn solve(pairs: &mut Pairs, p: &mut Particles, rules: &PairRules) {
     for pass in 0..PAIR_PASSES {
-        solve_pairs(pairs, &mut Sides::Within(p), rules, pass);
+        solve_pairs(pairs, &mut Sides::Within { particles: p, support: &[] }, rules, pass);
     }
 }
 
@@ -280,7 +280,7 @@ fn what_is_pinned_or_held_is_not_moved() {
     let still = a.clone();
     a.velocity[0] = Vec3A::Y * 7.0;
     for pass in 0..PAIR_PASSES {
-        let mut sides = Sides::Between { first: &mut a, second: &mut b, offset, held: [true, false] };
+        let mut sides = Sides::Between { first: &mut a, second: &mut b, offset, held: [true, false], support: [&[]; 2] };
         solve_pairs(&mut pairs, &mut sides, &PairRules { dt: 0.01, friction: 0.5, push_speed: 3.0 }, pass);
     }
     assert_eq!(a.position, still.position);

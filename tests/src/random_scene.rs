@@ -109,7 +109,7 @@ fn spawn(world: &mut World, random: &mut Random, rig: Rig, index: usize) {
     }
     if is_chain && random.once_in(2) {
         let material = Material { youngs_modulus: 2e6, poissons_ratio: 0.4, density: 1000.0 };
-        let solve = if index % 2 == 0 { RodSolve::Direct } else { RodSolve::Sweep { spin_radius: 0.05 } };
+        let solve = if index.is_multiple_of(2) { RodSolve::Direct } else { RodSolve::Sweep { spin_radius: 0.05 } };
         let rods = Rods { solve, ..Rods::new(material, Section::circle(0.02)) };
         body.insert(rods).remove::<(ShapeMatching, DistanceConstraints, Torsion)>();
     }

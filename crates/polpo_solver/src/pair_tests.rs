@@ -373,3 +373,38 @@ fn two_bodies_find_each_other_wherever_they_are() {
     }
     assert!(ids(&here).len() >= expected && expected > 0);
 }
+
+/// Ten grams on the ground bear a kilogram, because the pair knows that the ground is there; otherwise the heavy one sinks into the light one.
+#[test]
+fn what_lies_on_the_ground_bears_what_lies_on_it() {
+    let depth = |knows: bool| {
+        let dt = 1.0 / 300.0;
+        let mut p = body(&[(Vec3A::Y * 0.1, Vec3A::splat(0.1), 0.01), (Vec3A::Y * 0.3, Vec3A::splat(0.1), 1.0)]);
+        let plane = Contact {
+            particle: 0,
+            friction: 0.5,
+            point: Vec3A::ZERO,
+            normal: Vec3A::Y,
+            velocity: Vec3A::ZERO,
+            angular_velocity: Vec3A::ZERO,
+            impulse: 0.0,
+        };
+        let (mut contacts, mut pairs, mut support) = (Contacts { list: vec![plane] }, Pairs::default(), Vec::new());
+        for _ in 0..600 {
+            PairFinder::default().find_within(&p, &RestPairs::default(), &search(dt), &mut pairs);
+            predict(&mut p, G, dt);
+            if knows {
+                find_support(&contacts, &p, dt, &mut support);
+            }
+            for pass in 0..PAIR_PASSES {
+                let mut sides = Sides::Within { particles: &mut p, support: &support };
+                solve_pairs(&mut pairs, &mut sides, &PairRules { dt, friction: 0.5, push_speed: 3.0 }, pass);
+            }
+            solve_contacts(&mut contacts, &mut p, dt, 3.0);
+            integrate(&mut p, dt, 0.0);
+        }
+        -gap(&p, 0, 1)
+    };
+    let (knowing, blind) = (depth(true), depth(false));
+    assert!(knowing < 2e-4 && blind > 20.0 * knowing.max(1e-5), "{knowing} m against {blind} m");
+}

@@ -57,7 +57,10 @@ impl Plugin for PolpoRapierPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    (gather_obstacles, disturb, detect_contacts).chain().in_set(PolpoSystems::DetectContacts),
+                    (gather_obstacles, disturb, detect_contacts)
+                        .chain()
+                        .after(PolpoSystems::FindPairs)
+                        .in_set(PolpoSystems::DetectContacts),
                     step_rigid_bodies.in_set(RapierSystems::Step),
                 ),
             );

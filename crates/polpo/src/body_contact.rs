@@ -5,11 +5,11 @@ use bevy::prelude::*;
 use polpo_solver::{Bounds, BroadPhase, PAIR_PASSES, PairFinder, PairRules, Pairs, Sides, solve_pairs, swept_bounds};
 
 use crate::self_contact::{note_support, pair_search};
-use crate::{Contacts, Frozen, Gravity, Particles, SubstepTime};
+use crate::{Contacts, Frozen, Gravity, Particles, Sleeping, SubstepTime};
 
 /// The body does not pass through other bodies that have this component. Comes with every [`SoftBody`](crate::SoftBody); remove it, and it meets colliders only.
 ///
-/// Momentum of the two, spin included, is kept to rounding. A [`Frozen`] body is an obstacle that nothing moves. Bodies that appear inside each other leave by the shortest way.
+/// Momentum of the two, spin included, is kept to rounding. A [`Frozen`] body is an obstacle that nothing moves; a [`Sleeping`] one wakes when one that moves comes near. Bodies that appear inside each other leave by the shortest way.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct BodyContact {
     /// Coulomb's coefficient of the body's skin; of two bodies the mean counts. Range 0 (ice) to infinity; default 0.6. Negative and NaN count as 0.
@@ -74,6 +74,7 @@ struct Candidate {
     memberships: u32,
     filter: u32,
     held: bool,
+    asleep: bool,
 }
 
 impl BodyPairs {
@@ -90,16 +91,17 @@ pub(crate) fn find_body_pairs(
     time: Res<Time>,
     gravity: Res<Gravity>,
     mut found: ResMut<BodyPairs>,
-    bodies: Query<(Entity, &Particles, &Transform, &BodyContact, Has<Frozen>)>,
+    bodies: Query<(Entity, &Particles, &Transform, &BodyContact, Has<Frozen>, Has<Sleeping>)>,
 ) {
     let BodyPairs { list, before, candidates, boxes, met, broad, finder } = &mut *found;
     let search = pair_search(&time, &gravity);
     candidates.clear();
-    candidates.extend(bodies.iter().map(|(entity, _, _, contact, held)| Candidate {
+    candidates.extend(bodies.iter().map(|(entity, _, _, contact, held, asleep)| Candidate {
         entity,
         memberships: contact.memberships,
         filter: contact.filter,
         held,
+        asleep,
     }));
     candidates.sort_unstable_by_key(|c| c.entity);
     boxes.clear();
@@ -132,7 +134,10 @@ pub(crate) fn find_body_pairs(
             Ok(at) => (core::mem::take(&mut before[at].pairs), core::mem::take(&mut before[at].support)),
             Err(_) => default(),
         };
-        finder.find_between(a, b, offset, &search, at.is_err(), &mut pairs);
+        // Nothing moves between two that sleep; what they remember of each other is kept.
+        if !(candidates[i as usize].asleep && candidates[j as usize].asleep && at.is_ok()) {
+            finder.find_between(a, b, offset, &search, at.is_err(), &mut pairs);
+        }
         list.push(BodyPair { bodies: pair, pairs, support });
     }
     before.clear();
@@ -145,11 +150,18 @@ fn in_world(local: &Bounds, place: &Transform) -> Bounds {
     Bounds { min: local.min + origin - slop, max: local.max + origin + slop }
 }
 
+fn unheld<'a>(particles: &'a mut Mut<Particles>, held: bool) -> &'a mut polpo_solver::Particles {
+    match held {
+        true => &mut particles.bypass_change_detection().0,
+        false => &mut particles.0,
+    }
+}
+
 /// In phase `SolveContacts`, before the colliders, which have the last word.
 pub(crate) fn solve_body_pairs(
     time: Res<SubstepTime>,
     mut found: ResMut<BodyPairs>,
-    mut bodies: Query<(&mut Particles, &Transform, &BodyContact, Has<Frozen>, Option<&Contacts>)>,
+    mut bodies: Query<(&mut Particles, &Transform, &BodyContact, Has<Frozen>, Has<Sleeping>, Option<&Contacts>)>,
 ) {
     for pass in 0..PAIR_PASSES {
         for pair in &mut found.list {
@@ -157,11 +169,17 @@ pub(crate) fn solve_body_pairs(
                 continue;
             }
             // One of them may be gone since they were found.
-            let Ok([(mut a, place_a, contact_a, held_a, planes_a), (mut b, place_b, contact_b, held_b, planes_b)]) =
+            let Ok([(mut a, place_a, contact_a, frozen_a, asleep_a, planes_a), (mut b, place_b, contact_b, frozen_b, asleep_b, planes_b)]) =
                 bodies.get_many_mut(pair.bodies)
             else {
                 continue;
             };
+            let (held_a, held_b) = (frozen_a || asleep_a, frozen_b || asleep_b);
+            if held_a && held_b {
+                continue;
+            }
+            // What is held is not written to, or it would be told from one that nobody touched.
+            let (a, b) = (unheld(&mut a, held_a), unheld(&mut b, held_b));
             let rules = PairRules {
                 dt: time.delta,
                 friction: 0.5 * (contact_a.friction.max(0.0) + contact_b.friction.max(0.0)),
@@ -170,11 +188,10 @@ pub(crate) fn solve_body_pairs(
             let offset = Vec3A::from(place_b.translation - place_a.translation);
             let BodyPair { pairs, support, .. } = pair;
             if pass == 0 {
-                note_support(planes_a, &a, time.delta, &mut support[0]);
-                note_support(planes_b, &b, time.delta, &mut support[1]);
+                note_support(planes_a, a, time.delta, &mut support[0]);
+                note_support(planes_b, b, time.delta, &mut support[1]);
             }
-            let mut sides =
-                Sides::Between { first: &mut a.0, second: &mut b.0, offset, held: [held_a, held_b], support: [&support[0], &support[1]] };
+            let mut sides = Sides::Between { first: a, second: b, offset, held: [held_a, held_b], support: [&support[0], &support[1]] };
             solve_pairs(pairs, &mut sides, &rules, pass);
         }
     }

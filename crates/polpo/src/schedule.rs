@@ -50,6 +50,8 @@ pub enum PolpoSystems {
     Prepare,
     /// Colliders fill each body's [`Contacts`](crate::Contacts); particles that may touch others of the body, or of another, are paired.
     DetectContacts,
+    /// In `DetectContacts`: particles and bodies that may touch are paired, and sleeping bodies woken by those that move. What looks for contacts of awake bodies comes after it.
+    FindPairs,
     /// Runs [`SubstepSchedule`] as often as [`SolverSettings::substeps`] says.
     Substeps,
     /// In [`SubstepSchedule`]: velocities take the forces, positions and orientations take the velocities.
@@ -145,7 +147,10 @@ impl Plugin for PolpoPlugin {
                     )
                         .chain()
                         .in_set(PolpoSystems::Prepare),
-                    (self_contact::find_self_pairs, body_contact::find_body_pairs).chain().in_set(PolpoSystems::DetectContacts),
+                    (self_contact::find_self_pairs, body_contact::find_body_pairs, sleep::wake_touched)
+                        .chain()
+                        .in_set(PolpoSystems::FindPairs)
+                        .in_set(PolpoSystems::DetectContacts),
                     run_substeps.in_set(PolpoSystems::Substeps),
                     (
                         freeze::freeze_broken_bodies,

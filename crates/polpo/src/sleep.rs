@@ -9,15 +9,16 @@ use bevy::prelude::*;
 use crate::particles::{Awake, for_each_body};
 use crate::pins::target_of;
 use crate::{
-    AirDrag, BodyContact, Collision, Damping, DistanceConstraints, EdgeStiffness, ExplicitGroups, Frozen, Grab, Gravity, GravityScale,
-    Inflation, KeepMomentum, ParticleStiffness, Particles, Pins, Plasticity, RestPose, Rods, SelfContact, ShapeMatching, SolverSettings,
-    StepStart, Torsion, Wind,
+    AirDrag, BodyContact, BodyPairs, Collision, Damping, DistanceConstraints, EdgeStiffness, ExplicitGroups, Frozen, Grab, Gravity,
+    GravityScale, Inflation, KeepMomentum, ParticleStiffness, Particles, Pins, Plasticity, RestPose, Rods, SelfContact, ShapeMatching,
+    SolverSettings, StepStart, Torsion, Wind,
 };
 
 /// Lets the body fall asleep when it has come to rest. Comes with every [`SoftBody`](crate::SoftBody); a body without it never sleeps.
 ///
 /// A sleeping body has the component [`Sleeping`] and takes no part in the step. It wakes when one of its components is written to, added or removed, when [`Gravity`], [`Wind`] (with [`AirDrag`]) or
-/// [`SolverSettings`] differ from what it fell asleep under, when what a pin is tied to moves, and when a collider near it moves, comes, goes or changes (`polpo_rapier` looks after that).
+/// [`SolverSettings`] differ from what it fell asleep under, when what a pin is tied to moves, and when a collider near it moves, comes, goes or changes (`polpo_rapier` looks after that), and
+/// when another body that moves is about to touch it. Bodies that touch fall asleep together.
 ///
 /// Not for measurements of slow things: what moves by less than a hundredth of its size a second, a body that creeps to its equilibrium say, is stopped.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -176,12 +177,31 @@ fn pulled(watched: &WatchedItem, places: &TransformHelper) -> bool {
     })
 }
 
+/// In phase `DetectContacts`, after the pairs of bodies are found: a body that moves wakes the sleeping ones that it may touch in this step, so that a pile wakes as it
+/// slept, together: one that has just woken counts as moving, and wakes those it touches in the next step.
+pub(crate) fn wake_touched(mut commands: Commands, pairs: Res<BodyPairs>, bodies: Query<(Option<&Stillness>, Has<Sleeping>, Has<Frozen>)>) {
+    for pair in pairs.iter().filter(|pair| !pair.pairs().is_empty()) {
+        let [first, second] = pair.bodies();
+        for (sleeper, other) in [(first, second), (second, first)] {
+            // A body without stillness never sleeps; it counts as one that moves.
+            let moves =
+                bodies.get(other).is_ok_and(|(still, asleep, frozen)| !asleep && !frozen && still.is_none_or(|still| still.0 <= 0.0));
+            if let (true, Ok((_, true, _))) = (moves, bodies.get(sleeper)) {
+                commands.entity(sleeper).remove::<Sleeping>();
+            }
+        }
+    }
+}
+
 /// In phase `Writeback`: counts how long each body has been quiet, and puts to sleep those that have been so long enough, at rest.
 pub(crate) fn fall_asleep(
     mut commands: Commands,
     time: Res<Time>,
     ticks: SystemChangeTick,
     (gravity, wind, settings): (Res<Gravity>, Res<Wind>, Res<SolverSettings>),
+    pairs: Res<BodyPairs>,
+    mut ready: Local<Vec<Entity>>,
+    awake: Query<(), (With<Particles>, Awake)>,
     mut bodies: Query<(Entity, &mut Particles, &mut StepStart, &Sleep, &mut Stillness, Has<AirDrag>), Awake>,
 ) {
     let dt = time.delta_secs();
@@ -192,10 +212,28 @@ pub(crate) fn fall_asleep(
             stillness.0 = if is_quiet(&particles, &start, sleep.speed, dt) { stillness.0 + dt } else { 0.0 };
         },
     );
-    for (entity, mut particles, mut start, sleep, mut stillness, drag) in &mut bodies {
-        if !(stillness.0 > 0.0 && stillness.0 >= sleep.time) {
-            continue;
+    ready.clear();
+    let enough = |sleep: &Sleep, still: f32| still > 0.0 && still >= sleep.time;
+    ready.extend(bodies.iter().filter(|(_, _, _, sleep, still, _)| enough(sleep, still.0)).map(|(entity, ..)| entity));
+    ready.sort_unstable();
+    // Bodies that touch sleep together: one that touches another that has to wait waits too.
+    let mut waiting = !ready.is_empty();
+    while waiting {
+        waiting = false;
+        for pair in pairs.iter().filter(|pair| pair.touch()) {
+            let [a, b] = pair.bodies();
+            let at = [ready.binary_search(&a), ready.binary_search(&b)];
+            let one = match at {
+                [Ok(at), Err(_)] if awake.contains(b) => at,
+                [Err(_), Ok(at)] if awake.contains(a) => at,
+                _ => continue,
+            };
+            ready.remove(one);
+            waiting = true;
         }
+    }
+    for &entity in &*ready {
+        let Ok((_, mut particles, mut start, _, mut stillness, drag)) = bodies.get_mut(entity) else { continue };
         stillness.0 = 0.0;
         particles.velocity.fill(Vec3A::ZERO);
         particles.angular_velocity.fill(Vec3A::ZERO);

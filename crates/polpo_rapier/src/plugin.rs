@@ -65,6 +65,7 @@ impl Plugin for PolpoRapierPlugin {
                     (follower::lead, push::free_the_tied).before(PolpoSystems::Prepare),
                     (gather_obstacles, disturb, detect_contacts, touched::list_touched, push::gather_movers)
                         .chain()
+                        .after(PolpoSystems::FindPairs)
                         .in_set(PolpoSystems::DetectContacts),
                     (push::hand_over, step_rigid_bodies, push::after_rapier, follower::follow).chain().in_set(RapierSystems::Step),
                 ),

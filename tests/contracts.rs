@@ -10,6 +10,8 @@ mod bodies_come_and_go;
 mod determinism;
 #[path = "contracts/dynamic_bodies.rs"]
 mod dynamic_bodies;
+#[path = "contracts/explicit_groups.rs"]
+mod explicit_groups;
 #[path = "contracts/far_from_the_origin.rs"]
 mod far_from_the_origin;
 #[path = "contracts/free_flight.rs"]
@@ -20,10 +22,14 @@ mod octopus_scene;
 mod pairs;
 #[path = "contracts/pins.rs"]
 mod pins;
+#[path = "contracts/plasticity.rs"]
+mod plasticity;
 #[path = "contracts/quarantine.rs"]
 mod quarantine;
 #[path = "contracts/rapier_pins.rs"]
 mod rapier_pins;
+#[path = "contracts/rest_pose.rs"]
+mod rest_pose;
 #[path = "contracts/rods.rs"]
 mod rods;
 #[path = "contracts/schedule_is_unambiguous.rs"]

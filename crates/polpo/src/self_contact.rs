@@ -101,7 +101,7 @@ pub(crate) fn solve_self_pairs(
 }
 
 /// Which particles lie on a collider, if the body meets any.
-pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &Particles, dt: f32, support: &mut Vec<Vec3A>) {
+pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, dt: f32, support: &mut Vec<Vec3A>) {
     match contacts {
         Some(contacts) => find_support(contacts, particles, dt, support),
         None => support.clear(),

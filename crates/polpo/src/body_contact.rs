@@ -30,7 +30,7 @@ impl Default for BodyContact {
 }
 
 /// Two bodies that may touch in this step.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct BodyPair {
     bodies: [Entity; 2],
     pairs: Pairs,
@@ -77,6 +77,11 @@ struct Candidate {
 }
 
 impl BodyPairs {
+    /// What has to be kept beside the bodies' snapshots, to be inserted as the resource when they are put back: which bodies were near each other, and the ways out of those that overlap.
+    pub fn kept(&self) -> Self {
+        Self { list: self.list.clone(), ..Self::default() }
+    }
+
     /// Sorted by their entities.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &BodyPair> {
         self.list.iter()

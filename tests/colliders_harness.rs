@@ -12,9 +12,10 @@ use rapier3d::math::Vector;
 
 pub(crate) const DT: f32 = 1.0 / 60.0;
 
-/// A world that is stepped by hand, 60 times a second.
+/// A world that is stepped by hand, 60 times a second unless told otherwise.
 pub(crate) struct Lab {
     pub app: App,
+    pub dt: f32,
 }
 
 impl Lab {
@@ -23,7 +24,7 @@ impl Lab {
         app.add_plugins((MinimalPlugins, PolpoPlugin::default(), PolpoRapierPlugin::default()));
         app.finish();
         app.cleanup();
-        Self { app }
+        Self { app, dt: DT }
     }
 
     pub(crate) fn rapier(&mut self) -> Mut<'_, RapierWorld> {
@@ -47,8 +48,9 @@ impl Lab {
     }
 
     pub(crate) fn step(&mut self) {
+        let dt = self.dt;
         let world = self.app.world_mut();
-        world.resource_mut::<Time>().advance_by(Duration::from_secs_f32(DT));
+        world.resource_mut::<Time>().advance_by(Duration::from_secs_f32(dt));
         world.run_schedule(FixedPostUpdate);
     }
 
@@ -125,6 +127,13 @@ pub(crate) fn lattice(n: usize) -> Rig {
         }
     }
     Rig { mesh_hash: MeshHash(0), particles, edges, skin: vec![] }
+}
+
+/// `n` balls of radius 0.1 m in a row along x, each joined to the next and the one after.
+pub(crate) fn chain(n: usize) -> Rig {
+    let particles = (0..n).map(|i| particle(Vec3::X * (0.2 * i as f32), Vec3::splat(0.1))).collect();
+    let pairs = |gap: usize| (gap..n).map(move |i| [(i - gap) as u32, i as u32]);
+    Rig { mesh_hash: MeshHash(0), particles, edges: pairs(1).chain(pairs(2)).collect(), skin: vec![] }
 }
 
 /// A floor at height 0 from `−half` to `half`, `n` squares of two triangles each a side, shifted so that seams do not fall on the axes.

@@ -8,6 +8,8 @@ mod bad_input;
 mod bodies_come_and_go;
 #[path = "contracts/determinism.rs"]
 mod determinism;
+#[path = "contracts/dynamic_bodies.rs"]
+mod dynamic_bodies;
 #[path = "contracts/far_from_the_origin.rs"]
 mod far_from_the_origin;
 #[path = "contracts/free_flight.rs"]
@@ -20,6 +22,8 @@ mod pairs;
 mod pins;
 #[path = "contracts/quarantine.rs"]
 mod quarantine;
+#[path = "contracts/rapier_pins.rs"]
+mod rapier_pins;
 #[path = "contracts/rods.rs"]
 mod rods;
 #[path = "contracts/schedule_is_unambiguous.rs"]

@@ -28,13 +28,38 @@ pub fn lattice(spacing: f32) -> Rig {
     Rig { mesh_hash: MeshHash(0), particles, edges, skin: Vec::new() }
 }
 
+/// A cube of `n`³ balls that touch, of side `side` \[m\] and mass `mass` \[kg\] together, joined along axes and face diagonals. It has no skin.
+pub fn cube(n: usize, side: f32, mass: f32) -> Rig {
+    let spacing = side / n as f32;
+    let mut particles = Vec::new();
+    for i in 0..n * n * n {
+        let cell = Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) - Vec3::splat(0.5 * (n - 1) as f32);
+        let mass = mass / (n * n * n) as f32;
+        particles.push(Particle { position: cell * spacing, frame: Quat::IDENTITY, radii: Vec3::splat(0.5 * spacing), mass });
+    }
+    let mut edges = Vec::new();
+    for i in 0..particles.len() {
+        for j in i + 1..particles.len() {
+            if particles[i].position.distance(particles[j].position) < 1.5 * spacing {
+                edges.push([i as u32, j as u32]);
+            }
+        }
+    }
+    Rig { mesh_hash: MeshHash(0), particles, edges, skin: Vec::new() }
+}
+
 /// Soft bodies and Rapier's colliders without a renderer, at 60 steps a second, one step an update.
 pub fn simulation() -> App {
+    simulation_at(60.0)
+}
+
+/// The same at `rate` steps a second.
+pub fn simulation_at(rate: f64) -> App {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, SimulationPlugins)).insert_resource(TimeUpdateStrategy::FixedTimesteps(1)).insert_resource(Time::<
         Fixed,
     >::from_hz(
-        60.0
+        rate
     ));
     app.finish();
     // The first update has no time in it.

@@ -4,5 +4,5 @@ mod fixtures;
 mod random_scene;
 pub mod render;
 
-pub use fixtures::{lattice, simulation, state_of, steps};
+pub use fixtures::{cube, lattice, simulation, simulation_at, state_of, steps};
 pub use random_scene::{Random, random_scene};

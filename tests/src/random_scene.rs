@@ -109,11 +109,9 @@ fn spawn(world: &mut World, random: &mut Random, rig: Rig, index: usize) {
     }
     if is_chain && random.once_in(2) {
         let material = Material { youngs_modulus: 2e6, poissons_ratio: 0.4, density: 1000.0 };
-        body.insert(Rods { solve: RodSolve::Sweep { spin_radius: 0.05 }, ..Rods::new(material, Section::circle(0.02)) }).remove::<(
-            ShapeMatching,
-            DistanceConstraints,
-            Torsion,
-        )>();
+        let solve = if index.is_multiple_of(2) { RodSolve::Direct } else { RodSolve::Sweep { spin_radius: 0.05 } };
+        let rods = Rods { solve, ..Rods::new(material, Section::circle(0.02)) };
+        body.insert(rods).remove::<(ShapeMatching, DistanceConstraints, Torsion)>();
     }
     if random.once_in(3) {
         body.insert(AirDrag { density: 5.0 * random.unit(), ..default() });

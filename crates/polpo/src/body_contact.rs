@@ -4,8 +4,8 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 use polpo_solver::{Bounds, BroadPhase, PAIR_PASSES, PairFinder, PairRules, Pairs, Sides, solve_pairs, swept_bounds};
 
-use crate::self_contact::pair_search;
-use crate::{Frozen, Gravity, Particles, Sleeping, SubstepTime};
+use crate::self_contact::{note_support, pair_search};
+use crate::{Contacts, Frozen, Gravity, Particles, Sleeping, SubstepTime};
 
 /// The body does not pass through other bodies that have this component. Comes with every [`SoftBody`](crate::SoftBody); remove it, and it meets colliders only.
 ///
@@ -34,6 +34,7 @@ impl Default for BodyContact {
 pub struct BodyPair {
     bodies: [Entity; 2],
     pairs: Pairs,
+    support: [Vec<Vec3A>; 2],
 }
 
 impl BodyPair {
@@ -57,7 +58,7 @@ impl BodyPair {
 #[derive(Resource, Debug, Default)]
 pub struct BodyPairs {
     list: Vec<BodyPair>,
-    /// Those of the step before, for what they remember; then a store of their memory.
+    /// Those of the step before, for what they remember.
     before: Vec<BodyPair>,
     candidates: Vec<Candidate>,
     boxes: Vec<Bounds>,
@@ -132,14 +133,17 @@ pub(crate) fn find_body_pairs(
         let pair = [candidates[i as usize].entity, candidates[j as usize].entity];
         let Ok([(_, a, place_a, ..), (_, b, place_b, ..)]) = bodies.get_many(pair) else { continue };
         let offset = Vec3A::from(place_b.translation - place_a.translation);
-        // Take along what the pair remembers, or, if it is new, the memory of one that is no more.
+        // Take along what the pair remembers.
         let at = before.binary_search_by_key(&pair, |known| known.bodies);
-        let mut pairs = at.map(|at| core::mem::take(&mut before[at].pairs)).unwrap_or_default();
+        let (mut pairs, support) = match at {
+            Ok(at) => (core::mem::take(&mut before[at].pairs), core::mem::take(&mut before[at].support)),
+            Err(_) => default(),
+        };
         // Nothing moves between two that sleep; what they remember of each other is kept.
         if !(candidates[i as usize].asleep && candidates[j as usize].asleep && at.is_ok()) {
             finder.find_between(a, b, offset, &search, at.is_err(), &mut pairs);
         }
-        list.push(BodyPair { bodies: pair, pairs });
+        list.push(BodyPair { bodies: pair, pairs, support });
     }
     before.clear();
 }
@@ -162,7 +166,7 @@ fn unheld<'a>(particles: &'a mut Mut<Particles>, held: bool) -> &'a mut polpo_so
 pub(crate) fn solve_body_pairs(
     time: Res<SubstepTime>,
     mut found: ResMut<BodyPairs>,
-    mut bodies: Query<(&mut Particles, &Transform, &BodyContact, Has<Frozen>, Has<Sleeping>)>,
+    mut bodies: Query<(&mut Particles, &Transform, &BodyContact, (Has<Frozen>, Has<Sleeping>), Option<&Contacts>)>,
 ) {
     for pass in 0..PAIR_PASSES {
         for pair in &mut found.list {
@@ -170,8 +174,9 @@ pub(crate) fn solve_body_pairs(
                 continue;
             }
             // One of them may be gone since they were found.
-            let Ok([(mut a, place_a, contact_a, frozen_a, asleep_a), (mut b, place_b, contact_b, frozen_b, asleep_b)]) =
-                bodies.get_many_mut(pair.bodies)
+            let Ok(
+                [(mut a, place_a, contact_a, (frozen_a, asleep_a), planes_a), (mut b, place_b, contact_b, (frozen_b, asleep_b), planes_b)],
+            ) = bodies.get_many_mut(pair.bodies)
             else {
                 continue;
             };
@@ -187,8 +192,13 @@ pub(crate) fn solve_body_pairs(
                 push_speed: contact_a.push_speed.max(0.0).min(contact_b.push_speed.max(0.0)),
             };
             let offset = Vec3A::from(place_b.translation - place_a.translation);
-            let mut sides = Sides::Between { first: a, second: b, offset, held: [held_a, held_b] };
-            solve_pairs(&mut pair.pairs, &mut sides, &rules, pass);
+            let BodyPair { pairs, support, .. } = pair;
+            if pass == 0 {
+                note_support(planes_a, a, time.delta, &mut support[0]);
+                note_support(planes_b, b, time.delta, &mut support[1]);
+            }
+            let mut sides = Sides::Between { first: a, second: b, offset, held: [held_a, held_b], support: [&support[0], &support[1]] };
+            solve_pairs(pairs, &mut sides, &rules, pass);
         }
     }
 }

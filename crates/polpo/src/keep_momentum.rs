@@ -4,7 +4,7 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 
 use crate::particles::{Awake, for_each_body};
-use crate::{Particles, Pins, SubstepTime};
+use crate::{Particles, SubstepTime};
 
 /// The body's constraints keep its angular momentum exactly, where the method alone loses a share of ω²·Δt a second. Comes with every [`SoftBody`](crate::SoftBody).
 ///
@@ -16,7 +16,7 @@ pub struct KeepMomentum {
 }
 
 /// In phase `SolveConstraints`, before the constraints.
-pub(crate) fn measure_momentum(mut bodies: Query<(&Particles, &mut KeepMomentum), (Awake, Without<Pins>)>) {
+pub(crate) fn measure_momentum(mut bodies: Query<(&Particles, &mut KeepMomentum), Awake>) {
     for_each_body(
         &mut bodies,
         |(particles, _)| 5 * particles.len(),
@@ -25,7 +25,7 @@ pub(crate) fn measure_momentum(mut bodies: Query<(&Particles, &mut KeepMomentum)
 }
 
 /// In phase `SolveConstraints`, after the constraints.
-pub(crate) fn restore_momentum(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &KeepMomentum), (Awake, Without<Pins>)>) {
+pub(crate) fn restore_momentum(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &KeepMomentum), Awake>) {
     for_each_body(
         &mut bodies,
         |(particles, _)| 10 * particles.len(),

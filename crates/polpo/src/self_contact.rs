@@ -1,10 +1,11 @@
 //! Self-contact: a body does not pass through itself.
 
+use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Sides, solve_pairs};
+use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Sides, find_support, solve_pairs};
 
 use crate::particles::{Awake, for_each_body};
-use crate::{Gravity, Particles, SoftBody, SubstepTime};
+use crate::{Contacts, Gravity, Particles, SoftBody, SubstepTime};
 
 /// The particles of the body do not pass through each other: arms lie on arms, a sheet folds onto itself. Not there unless you add it.
 ///
@@ -33,6 +34,7 @@ pub struct SelfPairs {
     resting: RestPairs,
     /// Scratch memory of its own, so that bodies can be worked on side by side.
     finder: PairFinder,
+    support: Vec<Vec3A>,
 }
 
 impl SelfPairs {
@@ -71,26 +73,39 @@ pub(crate) fn find_self_pairs(time: Res<Time>, gravity: Res<Gravity>, mut bodies
         &mut bodies,
         |(particles, _)| 100 * particles.len(),
         |(particles, mut own)| {
-            let SelfPairs { pairs, resting, finder } = &mut *own;
+            let SelfPairs { pairs, resting, finder, .. } = &mut *own;
             finder.find_within(particles, resting, &search, pairs);
         },
     );
 }
 
 /// In phase `SolveContacts`, before anything from outside.
-pub(crate) fn solve_self_pairs(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut SelfPairs, &SelfContact), Awake>) {
+pub(crate) fn solve_self_pairs(
+    time: Res<SubstepTime>,
+    mut bodies: Query<(&mut Particles, &mut SelfPairs, &SelfContact, Option<&Contacts>), Awake>,
+) {
     let dt = time.delta;
     for_each_body(
         &mut bodies,
-        |(_, own, _)| 60 * own.pairs.list.len(),
-        |(mut particles, mut own, contact)| {
+        |(_, own, ..)| 60 * own.pairs.list.len(),
+        |(mut particles, mut own, contact, contacts)| {
             let rules = PairRules { dt, friction: contact.friction, push_speed: contact.push_speed };
-            let mut sides = Sides::Within(&mut particles.0);
+            let SelfPairs { pairs, support, .. } = &mut *own;
+            note_support(contacts, &particles, dt, support);
+            let mut sides = Sides::Within { particles: &mut particles.0, support };
             for pass in 0..PAIR_PASSES {
-                solve_pairs(&mut own.pairs, &mut sides, &rules, pass);
+                solve_pairs(pairs, &mut sides, &rules, pass);
             }
         },
     );
+}
+
+/// Which particles lie on a collider, if the body meets any.
+pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, dt: f32, support: &mut Vec<Vec3A>) {
+    match contacts {
+        Some(contacts) => find_support(contacts, particles, dt, support),
+        None => support.clear(),
+    }
 }
 
 /// What the search for pairs needs to know of the step: free, one particle may gain what gravity gives it on one that lies.

@@ -47,6 +47,8 @@ pub struct ContactDetector {
     /// How far the fastest particle will go in the step.
     rush: Vector,
     candidates: Vec<Candidate>,
+    /// For each contact found last, the index of its obstacle.
+    pub(crate) sources: Vec<u32>,
 }
 
 /// An obstacle near the body: its index, and where it is now, at the end of the step and at the start of the last one.
@@ -78,6 +80,7 @@ impl ContactDetector {
         contacts: &mut Contacts,
     ) {
         contacts.list.clear();
+        self.sources.clear();
         let p = body.particles;
         if free.position.len() != p.len() {
             free.position.clear();
@@ -101,6 +104,7 @@ impl ContactDetector {
             for found in &self.candidates {
                 let Near { index, frames: [frame, ..] } = self.near[found.obstacle as usize];
                 let obstacle = &obstacles.list[index as usize];
+                self.sources.push(index);
                 contacts.list.push(Contact {
                     particle: i as u32,
                     friction: obstacle.friction_with(body.friction),

@@ -1,7 +1,7 @@
 //! A snapshot of Rapier's colliders at the start of a step: where each is, how it moves, how it rubs.
 
 use polpo_solver::{quat_exp, quat_log};
-use rapier3d::dynamics::{CoefficientCombineRule, RigidBody, RigidBodySet, RigidBodyType};
+use rapier3d::dynamics::{CoefficientCombineRule, RigidBody, RigidBodyHandle, RigidBodySet, RigidBodyType};
 use rapier3d::geometry::{Collider, ColliderHandle, ColliderSet, InteractionGroups, SharedShape, TypedShape};
 use rapier3d::math::{Rotation, Vector};
 use rapier3d::parry::bounding_volume::Aabb;
@@ -33,6 +33,8 @@ pub(crate) struct Stirred {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Obstacle {
     pub(crate) handle: ColliderHandle,
+    /// The rigid body that it belongs to.
+    pub(crate) body: Option<RigidBodyHandle>,
     /// Of the rigid body, or of the collider if it has none: a place in the world whose floats are coarse far from the origin.
     anchor: Vector,
     /// From there to the collider's origin, which is fine everywhere.
@@ -197,6 +199,7 @@ impl Obstacle {
         bounds.maxs = bounds.maxs.max(end.maxs);
         Some(Self {
             handle,
+            body: collider.parent(),
             anchor,
             offset,
             rotation,
@@ -218,7 +221,7 @@ impl Obstacle {
         self.handle.into_raw_parts().0
     }
 
-    fn moves(&self) -> bool {
+    pub(crate) fn moves(&self) -> bool {
         self.velocity != Vector::ZERO || self.angular_velocity != Vector::ZERO
     }
 

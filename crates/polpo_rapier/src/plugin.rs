@@ -4,15 +4,19 @@ use bevy::ecs::batching::BatchingStrategy;
 use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
-use polpo::{Awake, Collision, ContactMemory, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness};
+use polpo::{
+    Awake, Collision, ContactMemory, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness, SubstepSchedule,
+};
 
 use crate::detect::bounds_of;
-use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld};
+use crate::push::Pushing;
+use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld, follower, push, touched};
 
 /// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
 ///
 /// In the step of `polpo::PolpoPlugin`, which must be in the same schedule: in [`PolpoSystems::DetectContacts`] sleeping bodies wake near which a collider moves, has come, gone or changed, and the contacts are
-/// found; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
+/// found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the
+/// rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
 /// velocity they will have in it.
 pub struct PolpoRapierPlugin {
     schedule: Interned<dyn ScheduleLabel>,
@@ -40,7 +44,7 @@ pub enum RapierSystems {
 
 /// Scratch memory of a body's own, so that bodies can be worked on side by side.
 #[derive(Component, Debug, Default)]
-struct Detector(ContactDetector);
+pub(crate) struct Detector(pub(crate) ContactDetector);
 
 /// The snapshot of the running step.
 #[derive(Resource, Default)]
@@ -50,6 +54,7 @@ impl Plugin for PolpoRapierPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<RapierWorld>()
             .init_resource::<Surroundings>()
+            .init_resource::<Pushing>()
             .init_resource::<Gravity>()
             .register_required_components::<Contacts, ContactMemory>()
             .register_required_components::<Contacts, Detector>()
@@ -57,13 +62,15 @@ impl Plugin for PolpoRapierPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    (gather_obstacles, disturb, detect_contacts)
+                    (follower::lead, push::free_the_tied).before(PolpoSystems::Prepare),
+                    (gather_obstacles, disturb, detect_contacts, touched::list_touched, push::gather_movers)
                         .chain()
                         .after(PolpoSystems::FindPairs)
                         .in_set(PolpoSystems::DetectContacts),
-                    step_rigid_bodies.in_set(RapierSystems::Step),
+                    (push::hand_over, step_rigid_bodies, push::after_rapier, follower::follow).chain().in_set(RapierSystems::Step),
                 ),
-            );
+            )
+            .add_systems(SubstepSchedule, push::solve_pushes.after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate));
     }
 }
 

@@ -10,7 +10,7 @@ use rapier3d::pipeline::PhysicsPipeline;
 
 /// Rapier's rigid bodies and colliders, and all that Rapier needs to step them. Fill and change `bodies` and `colliders` by Rapier's own API at any time: the next step sees it.
 ///
-/// Soft bodies see every collider. Dynamic rigid bodies push soft ones as if they were driven; nothing is pushed back on them yet.
+/// Soft bodies see every collider. Dynamic rigid bodies push soft ones as if they were driven; those with [`PushRigidBodies`](crate::PushRigidBodies) push back.
 #[derive(Resource, Default)]
 pub struct RapierWorld {
     /// Fixed, driven and dynamic rigid bodies.

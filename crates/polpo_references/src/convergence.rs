@@ -15,7 +15,7 @@ pub(crate) const MEASUREMENTS: &[Measurement] = &[
 ];
 
 /// A soft bar of a lattice, clamped at one end.
-fn soft_bar(frequency: f32) -> Body {
+pub(crate) fn soft_bar(frequency: f32) -> Body {
     let mut body = lattice([8, 2, 2], 0.0);
     body.shape = Stiffness::hertz(frequency);
     (body.tension, body.compression) = (body.shape, body.shape);

@@ -15,6 +15,7 @@ mod drift;
 mod free_fall;
 mod friction;
 mod measure;
+mod orientation;
 mod pendulum;
 mod rest;
 mod soft;
@@ -23,6 +24,7 @@ mod table;
 mod top;
 mod wheel;
 
+pub use orientation::orientation_table;
 pub use table::table;
 
 /// One number that the solver came to, and what it should be.

@@ -1,7 +1,7 @@
 //! A soft body of many groups, for what only such a body shows.
 
-use glam::Vec3A;
-use polpo_solver::Stiffness;
+use glam::{Quat, Vec3A};
+use polpo_solver::{ParticleRest, Stiffness, quat_exp};
 
 use crate::body::Body;
 
@@ -42,6 +42,38 @@ pub(crate) fn lattice(size: [u32; 3], uneven: f32) -> Body {
         }
     }
     let mut body = Body::balls(places, 0.05);
+    body.join(&pairs);
+    body
+}
+
+/// A head of 3×3×3 and eight arms of six, thinner towards their ends: 75 balls.
+pub(crate) fn octopus() -> Body {
+    let ball = |position: Vec3A, radius: f32| ParticleRest {
+        position,
+        frame: Quat::IDENTITY,
+        radii: Vec3A::splat(radius),
+        mass: 1000.0 * radius * radius * radius,
+    };
+    let head = lattice([3, 3, 3], 0.01);
+    let mut rest: Vec<ParticleRest> = head.particles.position.iter().map(|&x| ball(x - Vec3A::splat(0.1), 0.05)).collect();
+    let mut pairs = head.edges.pairs.clone();
+    for arm in 0..8 {
+        let along = quat_exp(Vec3A::Y * (arm as f32 * core::f32::consts::FRAC_PI_4)) * Vec3A::X - Vec3A::Y * 0.3;
+        for k in 0..6 {
+            let place = along * (0.16 + 0.08 * k as f32) - Vec3A::Y * 0.08;
+            let this = rest.len() as u32;
+            // The first ball of an arm holds on to the three of the head that are nearest, the others to the one before.
+            let mut near: Vec<u32> = (0..27).collect();
+            near.sort_by(|&i, &j| rest[i as usize].position.distance(place).total_cmp(&rest[j as usize].position.distance(place)));
+            if k == 0 {
+                pairs.extend(near[..3].iter().map(|&i| [i, this]));
+            } else {
+                pairs.push([this - 1, this]);
+            }
+            rest.push(ball(place, 0.045 - 0.005 * k as f32));
+        }
+    }
+    let mut body = Body::new(&rest);
     body.join(&pairs);
     body
 }

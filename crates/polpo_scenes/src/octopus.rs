@@ -105,7 +105,6 @@ fn spawn_octopuses(mut commands: Commands, count: usize, seed: u64) {
         commands.spawn((
             Name::new(format!("octopus {index}")),
             SoftBody::new(rig.clone()),
-            SelfContact::default(),
             Outfit { mesh: mesh.clone(), color: tint },
             Transform::from_translation(position).with_rotation(turn),
             InitialVelocity {

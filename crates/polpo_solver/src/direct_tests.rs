@@ -133,9 +133,9 @@ fn a_moving_clamp_is_followed() {
 /// From random velocities up to 30 m/s and spins of 300 rad/s, at steps at which a particle turns by several turns: it never has more than it began with.
 #[test]
 fn nothing_makes_energy() {
-    for material in [RUBBER, STEEL, Material { youngs_modulus: 1e4, ..RUBBER }] {
-        for rate in [15.0, 60.0, 240.0, 1000.0] {
-            let mut body = Body::chain(17, 1.0, &material, &Section::circle(0.01));
+    for (material, radius) in [(RUBBER, 0.02), (STEEL, 0.002), (STEEL, 0.02), (Material { youngs_modulus: 1e4, ..RUBBER }, 0.01)] {
+        for rate in [15.0, 30.0, 60.0, 240.0, 1000.0] {
+            let mut body = Body::chain(17, 1.0, &material, &Section::circle(radius));
             let mut random = Random(3);
             for i in 0..17 {
                 body.p.velocity[i] = random.vector() * 30.0;
@@ -211,10 +211,13 @@ fn the_worst_starts_end() {
                     let x = body.p.position[i];
                     body.p.position[i] = [Vec3A::ZERO, -x, x * 1e3][start];
                 }
+                let before = body.energy();
+                let mut most = 0.0f32;
                 for _ in 0..200 {
-                    body.step(G, 1.0 / rate, 0.5);
+                    body.step(Vec3A::ZERO, 1.0 / rate, 0.5);
+                    most = most.max(momentum(&body.p).kinetic_energy + body.energy());
                 }
-                assert!(body.p.is_finite() && body.p.position.iter().all(|x| x.length() < 5e3), "{material:?} {rate} {start}");
+                assert!(body.p.is_finite() && most <= before, "{material:?} {rate} {start}: {most} of {before} J");
             }
         }
     }

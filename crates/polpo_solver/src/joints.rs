@@ -223,7 +223,7 @@ impl Joints {
                 break;
             }
         }
-        if !(now.1 < 0.01 * miss || !now.0) {
+        if now.0 && (now.1 >= 0.01 * miss || now.1.is_nan()) {
             self.given.fill(DVec3::ZERO);
             self.take_back(bodies, rest, particles, dt);
             self.hold_carefully(bodies, rest, particles, dt, miss);

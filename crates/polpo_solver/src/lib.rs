@@ -51,12 +51,16 @@ mod material;
 mod math;
 mod momentum;
 mod motor;
+mod movers;
 #[cfg(test)]
 mod pair_tests;
 mod pairs;
 mod particles;
 mod plasticity;
 mod predict;
+mod push;
+#[cfg(test)]
+mod push_tests;
 mod rest_pose;
 mod rigid_groups;
 mod rings;
@@ -71,6 +75,7 @@ mod solve_pairs;
 mod stiffness;
 #[cfg(test)]
 mod testing;
+mod ties;
 mod torsion;
 mod wind;
 
@@ -93,17 +98,20 @@ pub use material::{CalibrationError, Material, Section};
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};
 pub use motor::{Drive, Motor};
+pub use movers::{Foot, Movers, RigidMover};
 pub use pairs::{Pair, PairFinder, PairSearch, Pairs, RestPairs, TooDense, swept_bounds};
 pub use particles::{ParticleError, ParticleRest, Particles};
 pub use plasticity::{Plasticity, creep_edges, creep_shapes};
 pub use predict::predict;
+pub use push::{PushContact, PushState, begin_pushes, solve_pushes, undo_overlaps};
 pub use rest_pose::{PoseError, RestPose};
 pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_explicit};
 pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
-pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
+pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, find_support, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
+pub use ties::{Tie, solve_ties};
 pub use torsion::solve_torsion;
 pub use wind::blow;

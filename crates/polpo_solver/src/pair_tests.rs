@@ -25,7 +25,7 @@ fn find(p: &Particles, dt: f32) -> Pairs {
 
 fn solve(pairs: &mut Pairs, p: &mut Particles, rules: &PairRules) {
     for pass in 0..PAIR_PASSES {
-        solve_pairs(pairs, &mut Sides::Within(p), rules, pass);
+        solve_pairs(pairs, &mut Sides::Within { particles: p, support: &[] }, rules, pass);
     }
 }
 
@@ -111,7 +111,8 @@ fn a_heap_of_particles_keeps_its_momentum() {
     let size: f32 = (0..40).map(|i| p.mass[i] * 3.0).sum();
     let (linear, angular) = (before.linear.distance(after.linear) / size, origin(&before).distance(origin(&after)) / size);
     println!("P off by {linear:.1e}, L by {angular:.1e}; {:.2} of the energy left", energy / before.kinetic_energy);
-    assert!(linear < 1e-6 && angular < 5e-6);
+    // Nine hundred substeps of dozens of pairs, each off by the rounding of `f32`.
+    assert!(linear < 1e-6 && angular < 1e-5);
     assert!(energy < 0.9 * before.kinetic_energy, "they did not meet");
 }
 
@@ -280,11 +281,12 @@ fn what_is_pinned_or_held_is_not_moved() {
     let still = a.clone();
     a.velocity[0] = Vec3A::Y * 7.0;
     for pass in 0..PAIR_PASSES {
-        let mut sides = Sides::Between { first: &mut a, second: &mut b, offset, held: [true, false] };
+        let mut sides = Sides::Between { first: &mut a, second: &mut b, offset, held: [true, false], support: [&[]; 2] };
         solve_pairs(&mut pairs, &mut sides, &PairRules { dt: 0.01, friction: 0.5, push_speed: 3.0 }, pass);
     }
     assert_eq!(a.position, still.position);
-    assert!((b.position[0].y - 0.03).abs() < 1e-6 && b.velocity[0] == Vec3A::ZERO, "{} {}", b.position[0], b.velocity[0]);
+    // Of 0.05 m that share which a hundredth of a second undoes at 60/s.
+    assert!((b.position[0].y - 0.05 * 0.6 / 1.6).abs() < 1e-6 && b.velocity[0] == Vec3A::ZERO, "{} {}", b.position[0], b.velocity[0]);
 }
 
 /// Sizes 1:100, moving fast: all that come near each other in the step, by brute force.
@@ -372,4 +374,39 @@ fn two_bodies_find_each_other_wherever_they_are() {
         }
     }
     assert!(ids(&here).len() >= expected && expected > 0);
+}
+
+/// Ten grams on the ground bear a kilogram, because the pair knows that the ground is there; otherwise the heavy one sinks into the light one.
+#[test]
+fn what_lies_on_the_ground_bears_what_lies_on_it() {
+    let depth = |knows: bool| {
+        let dt = 1.0 / 300.0;
+        let mut p = body(&[(Vec3A::Y * 0.1, Vec3A::splat(0.1), 0.01), (Vec3A::Y * 0.3, Vec3A::splat(0.1), 1.0)]);
+        let plane = Contact {
+            particle: 0,
+            friction: 0.5,
+            point: Vec3A::ZERO,
+            normal: Vec3A::Y,
+            velocity: Vec3A::ZERO,
+            angular_velocity: Vec3A::ZERO,
+            impulse: 0.0,
+        };
+        let (mut contacts, mut pairs, mut support) = (Contacts { list: vec![plane] }, Pairs::default(), Vec::new());
+        for _ in 0..600 {
+            PairFinder::default().find_within(&p, &RestPairs::default(), &search(dt), &mut pairs);
+            predict(&mut p, G, dt);
+            if knows {
+                find_support(&contacts, &p, dt, &mut support);
+            }
+            for pass in 0..PAIR_PASSES {
+                let mut sides = Sides::Within { particles: &mut p, support: &support };
+                solve_pairs(&mut pairs, &mut sides, &PairRules { dt, friction: 0.5, push_speed: 3.0 }, pass);
+            }
+            solve_contacts(&mut contacts, &mut p, dt, 3.0);
+            integrate(&mut p, dt, 0.0);
+        }
+        -gap(&p, 0, 1)
+    };
+    let (knowing, blind) = (depth(true), depth(false));
+    assert!(knowing < 1e-3 && blind > 0.1, "{knowing} m against {blind} m");
 }

@@ -5,13 +5,18 @@ use glam::{Quat, Vec3A};
 use crate::ellipsoid_pair::EllipsoidPair;
 use crate::pairs::{Pair, nearest};
 use crate::shape_matching::turned;
-use crate::{Ellipsoid, Pairs, Particles};
+use crate::{Contacts, Ellipsoid, Pairs, Particles};
 
 /// Whose particles the pairs are.
 #[derive(Debug)]
 pub enum Sides<'a> {
     /// Of one body.
-    Within(&'a mut Particles),
+    Within {
+        /// The body.
+        particles: &'a mut Particles,
+        /// What [`find_support`] found for it.
+        support: &'a [Vec3A],
+    },
     /// Of two.
     Between {
         /// The body of each pair's first particle.
@@ -22,8 +27,30 @@ pub enum Sides<'a> {
         offset: Vec3A,
         /// Whether the first, the second stands still whatever touches it.
         held: [bool; 2],
+        /// What [`find_support`] found for the first, the second.
+        support: [&'a [Vec3A]; 2],
     },
 }
+
+/// Which particles lie on a collider as the substep of `dt` \[s\] is about to solve contacts: the collider's normal for each that does, zero for the others; nothing if none does.
+///
+/// A pair that presses a particle into what it lies on cannot move it, and takes it for immovable: the collider would give back at once what the pair gave it. Taken for movable, a light particle between the
+/// ground and a heavy one would be thrown to and fro and bear next to nothing.
+pub fn find_support(contacts: &Contacts, p: &Particles, dt: f32, support: &mut Vec<Vec3A>) {
+    support.clear();
+    for contact in &contacts.list {
+        let i = contact.particle as usize;
+        if i < p.len()
+            && contact.normal.dot(p.position[i] - contact.point - contact.velocity * dt) <= p.ellipsoid(i).support(contact.normal).0
+        {
+            support.resize(p.len(), Vec3A::ZERO);
+            support[i] = contact.normal;
+        }
+    }
+}
+
+/// A push that goes into a collider at less than this cosine from its normal slides along it.
+const INTO: f32 = 0.5;
 
 /// How pairs are solved in a substep.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,7 +123,7 @@ struct Touch {
 impl Sides<'_> {
     fn side(&self, k: usize) -> (&Particles, Vec3A, bool) {
         match self {
-            Sides::Within(p) => (p, Vec3A::ZERO, false),
+            Sides::Within { particles, .. } => (particles, Vec3A::ZERO, false),
             Sides::Between { first, held, .. } if k == 0 => (first, Vec3A::ZERO, held[0]),
             Sides::Between { second, offset, held, .. } => (second, *offset, held[1]),
         }
@@ -104,10 +131,19 @@ impl Sides<'_> {
 
     fn side_mut(&mut self, k: usize) -> (&mut Particles, Vec3A, bool) {
         match self {
-            Sides::Within(p) => (p, Vec3A::ZERO, false),
+            Sides::Within { particles, .. } => (particles, Vec3A::ZERO, false),
             Sides::Between { first, held, .. } if k == 0 => (first, Vec3A::ZERO, held[0]),
             Sides::Between { second, offset, held, .. } => (second, *offset, held[1]),
         }
+    }
+
+    /// Whether a particle pressed along `push` lies on something that bears it.
+    fn is_supported(&self, k: usize, i: usize, push: Vec3A) -> bool {
+        let support = match self {
+            Sides::Within { support, .. } => support,
+            Sides::Between { support, .. } => support[k],
+        };
+        support.get(i).is_some_and(|n| n.dot(push) < -INTO)
     }
 
     /// Where a particle is and was when the substep began.
@@ -279,15 +315,17 @@ struct End {
 }
 
 impl End {
-    fn new(sides: &Sides, k: usize, i: usize) -> Self {
+    /// `push` is where the pair presses it.
+    fn new(sides: &Sides, k: usize, i: usize, push: Vec3A) -> Self {
         let (p, origin, held) = sides.side(k);
         let free = if held { 0.0 } else { 1.0 };
+        let yields = if held || sides.is_supported(k, i, push) { 0.0 } else { 1.0 };
         Self {
             x: p.position[i] + origin,
             v: p.velocity[i] * free,
             q: p.rotation[i],
             spin: p.angular_velocity[i] * free,
-            w: [p.inverse_mass[i] * free, p.inverse_inertia[i] * free],
+            w: [p.inverse_mass[i] * yields, p.inverse_inertia[i] * yields],
             inertia: p.inertia[i],
         }
     }
@@ -402,7 +440,7 @@ fn resolve(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rul
     if !deep {
         return;
     }
-    let ends = [End::new(sides, 0, i), End::new(sides, 1, j)];
+    let ends = [End::new(sides, 0, i, -n), End::new(sides, 1, j, n)];
     let speed2 = (ends[1].v - ends[0].v).length_squared();
     let mut both = Ends { point: ends[0].x + touch.point, ends, speed2, added: Vec3A::ZERO };
     let yielding = both.yielding(n);

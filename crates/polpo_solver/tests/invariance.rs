@@ -262,12 +262,12 @@ proptest! {
         let rigid = [0, 3, 4, 7];
         let mut a = Scene::new(p, &pairs, &rigid, Stiffness::damped(8.0, 0.5));
         let mut b = Scene::new(renumbered, &other, &rigid.map(|i| to[i as usize] as u32), Stiffness::damped(8.0, 0.5));
-        for i in 0..n {
+        for (i, &j) in to.iter().enumerate() {
             let (way, turn) = (random.vector() * 0.02, quat_exp(random.vector() * 0.3));
             a.p.position[i] += way;
-            b.p.position[to[i]] += way;
+            b.p.position[j] += way;
             a.p.rotation[i] = turn;
-            b.p.rotation[to[i]] = turn;
+            b.p.rotation[j] = turn;
         }
         for _ in 0..30 {
             a.step();

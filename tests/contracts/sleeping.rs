@@ -226,3 +226,36 @@ fn without_the_component_a_body_never_sleeps() {
     steps(&mut room.app, 300);
     assert!(!room.asleep());
 }
+
+/// Ten octopuses in a heap: all of them come to rest, and stay to the last bit.
+#[test]
+#[ignore = "known fault: since pairs hand on their support, a heap keeps trembling; 3 of 10 sleep after 40 s"]
+fn a_pile_of_ten_octopuses_falls_asleep_and_does_not_creep() {
+    let mut app = simulation();
+    app.world_mut()
+        .resource_mut::<RapierWorld>()
+        .insert_fixed(ColliderBuilder::cuboid(9.0, 0.5, 9.0).translation(Vec3::NEG_Y * 0.5).friction(0.7));
+    let (_, rig) = polpo_scenes::octopus_asset();
+    let bodies: Vec<Entity> = (0..10)
+        .map(|i| {
+            let place = Vec3::new(0.25 * (i % 3) as f32, 0.5 + 0.35 * i as f32, 0.2 * (i % 2) as f32);
+            app.world_mut().spawn((SoftBody::new(rig.clone()), Transform::from_translation(place))).id()
+        })
+        .collect();
+    let asleep = |app: &App| bodies.iter().filter(|&&b| app.world().get::<Sleeping>(b).is_some()).count();
+    let mut seconds = 0;
+    while asleep(&app) < 10 && seconds < 40 {
+        steps(&mut app, 60);
+        seconds += 1;
+        println!("{seconds} s: {} asleep", asleep(&app));
+    }
+    assert_eq!(asleep(&app), 10, "after {seconds} s");
+    let before = polpo_tests::state_of(app.world_mut());
+    steps(&mut app, 600);
+    assert_eq!(asleep(&app), 10);
+    assert_eq!(polpo_tests::state_of(app.world_mut()), before, "ten seconds later");
+    // Poked, one wakes, and those it lies on with it.
+    app.world_mut().get_mut::<Particles>(bodies[0]).unwrap().set_rigid_velocity(Vec3A::Y, Vec3A::ZERO);
+    steps(&mut app, 4);
+    assert!(asleep(&app) < 9, "{} still sleep", asleep(&app));
+}

@@ -30,7 +30,7 @@ impl Default for BodyContact {
 }
 
 /// Two bodies that may touch in this step.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct BodyPair {
     bodies: [Entity; 2],
     pairs: Pairs,
@@ -78,6 +78,11 @@ struct Candidate {
 }
 
 impl BodyPairs {
+    /// What has to be kept beside the bodies' snapshots, to be inserted as the resource when they are put back: which bodies were near each other, and the ways out of those that overlap.
+    pub fn kept(&self) -> Self {
+        Self { list: self.list.clone(), ..Self::default() }
+    }
+
     /// Sorted by their entities.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &BodyPair> {
         self.list.iter()
@@ -161,7 +166,7 @@ fn unheld<'a>(particles: &'a mut Mut<Particles>, held: bool) -> &'a mut polpo_so
 pub(crate) fn solve_body_pairs(
     time: Res<SubstepTime>,
     mut found: ResMut<BodyPairs>,
-    mut bodies: Query<(&mut Particles, &Transform, &BodyContact, Has<Frozen>, Has<Sleeping>, Option<&Contacts>)>,
+    mut bodies: Query<(&mut Particles, &Transform, &BodyContact, (Has<Frozen>, Has<Sleeping>), Option<&Contacts>)>,
 ) {
     for pass in 0..PAIR_PASSES {
         for pair in &mut found.list {
@@ -169,8 +174,9 @@ pub(crate) fn solve_body_pairs(
                 continue;
             }
             // One of them may be gone since they were found.
-            let Ok([(mut a, place_a, contact_a, frozen_a, asleep_a, planes_a), (mut b, place_b, contact_b, frozen_b, asleep_b, planes_b)]) =
-                bodies.get_many_mut(pair.bodies)
+            let Ok(
+                [(mut a, place_a, contact_a, (frozen_a, asleep_a), planes_a), (mut b, place_b, contact_b, (frozen_b, asleep_b), planes_b)],
+            ) = bodies.get_many_mut(pair.bodies)
             else {
                 continue;
             };

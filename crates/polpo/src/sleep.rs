@@ -20,12 +20,12 @@ use crate::{
 /// [`SolverSettings`] differ from what it fell asleep under, when what a pin is tied to moves, and when a collider near it moves, comes, goes or changes (`polpo_rapier` looks after that), and
 /// when another body that moves is about to touch it. Bodies that touch fall asleep together.
 ///
-/// Not for measurements of slow things: what moves by less than a hundredth of its size a second, a body that creeps to its equilibrium say, is stopped.
+/// Not for measurements of slow things: what moves by less than a five-hundredth of its size a second, a body that creeps to its equilibrium say, is stopped.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 #[require(Stillness)]
 pub struct Sleep {
-    /// A body is quiet while none of its particles gets on faster than this many of its radii of gyration a second \[1/s\]: so a body of 0.3 m while none is faster than 3 mm/s at the default 0.01. Range 0 and below,
-    /// NaN (never) to infinity (always).
+    /// A body is quiet while its particles get on, in the root mean square by mass, by less than this many of its radii of gyration a second \[1/s\]: a body of 0.3 m by less than 0.6 mm/s at the default 0.002.
+    /// Range 0 and below, NaN (never) to infinity (always).
     pub speed: f32,
     /// How long it has to be quiet before it sleeps \[s\]; default 0.5. Range 0 (at once) to infinity (never); NaN is never.
     ///
@@ -35,7 +35,7 @@ pub struct Sleep {
 
 impl Default for Sleep {
     fn default() -> Self {
-        Self { speed: 0.01, time: 0.5 }
+        Self { speed: 0.002, time: 0.5 }
     }
 }
 
@@ -245,22 +245,21 @@ pub(crate) fn fall_asleep(
     }
 }
 
-/// Whether no particle went, or turned with its rim, faster than `speed` times the body's radius of gyration a second, in the step of `dt` \[s\] that began at `start`.
+/// Whether the particles went, or turned with their rims, by less than `speed` times the body's radius of gyration a second, in the step of `dt` \[s\] that began at `start`: in the root mean square by mass.
 ///
-/// What it went, not its velocity and spin: where constraints and contacts turn a particle to and fro within a substep, about different axes, those turns add up to a spin of a radian a second and more that is no turn in the
-/// end (rotations do not commute).
+/// What they went, not their velocities and spins: where constraints and contacts turn a particle to and fro within a substep, about different axes, those turns add up to a spin of a radian a second and more that is no
+/// turn in the end (rotations do not commute). And the mean, not the fastest: a particle caught between bodies may tremble for ever by a three-hundredth of its radius, because its planes are found anew each step.
 fn is_quiet(particles: &Particles, start: &StepStart, speed: f32, dt: f32) -> bool {
-    let (mut farthest, mut size, mut mass) = (0.0f32, 0.0, 0.0);
+    let (mut way, mut size) = (0.0, 0.0);
     for (i, (then, turned)) in start.position.iter().zip(&start.rotation).enumerate().take(particles.len()) {
         // A third of the sum of the squared half axes: the square of their mean, near enough.
         let own = particles.radii[i].length_squared() * (1.0 / 3.0);
         // Of a small turn by θ, 4·|vector part|² is θ².
         let turn = particles.rotation[i] * turned.inverse();
         let angle2 = 4.0 * turn.xyz().length_squared();
-        farthest = farthest.max(particles.position[i].distance_squared(*then) + angle2 * own);
+        way += particles.mass[i] * (particles.position[i].distance_squared(*then) + angle2 * own);
         size += particles.mass[i] * (particles.position[i].length_squared() + own);
-        mass += particles.mass[i];
     }
     // Also false for a speed that is negative or NaN.
-    speed > 0.0 && farthest * mass <= speed * speed * dt * dt * size
+    speed > 0.0 && way <= speed * speed * dt * dt * size
 }

@@ -10,21 +10,37 @@ mod bodies_come_and_go;
 mod determinism;
 #[path = "contracts/dynamic_bodies.rs"]
 mod dynamic_bodies;
+#[path = "contracts/explicit_groups.rs"]
+mod explicit_groups;
 #[path = "contracts/far_from_the_origin.rs"]
 mod far_from_the_origin;
 #[path = "contracts/free_flight.rs"]
 mod free_flight;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
+#[path = "contracts/pairs.rs"]
+mod pairs;
 #[path = "contracts/pins.rs"]
 mod pins;
+#[path = "contracts/plasticity.rs"]
+mod plasticity;
+#[path = "contracts/quarantine.rs"]
+mod quarantine;
 #[path = "contracts/rapier_pins.rs"]
 mod rapier_pins;
+#[path = "contracts/rest_pose.rs"]
+mod rest_pose;
 #[path = "contracts/rods.rs"]
 mod rods;
 #[path = "contracts/schedule_is_unambiguous.rs"]
 mod schedule_is_unambiguous;
+#[path = "contracts/sleeping.rs"]
+mod sleeping;
+#[path = "contracts/snapshot.rs"]
+mod snapshot;
 #[path = "contracts/stiffness_in_hertz.rs"]
 mod stiffness_in_hertz;
+#[path = "contracts/stiffness_lists.rs"]
+mod stiffness_lists;
 #[path = "contracts/unused_costs_nothing.rs"]
 mod unused_costs_nothing;

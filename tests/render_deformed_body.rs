@@ -49,7 +49,7 @@ impl Scene {
             particles.0.position[i] = rotation * particles.rest_position[i] + Vec3A::from(offset);
             particles.0.rotation[i] = rotation;
         }
-        let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone() };
+        let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone(), ..default() };
         entity.insert((particles, start));
     }
 

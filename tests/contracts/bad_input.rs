@@ -107,5 +107,6 @@ fn nonsense_parameters_do_not_panic() {
     let body = app.world_mut().spawn(SoftBody::new(lattice(0.1))).id();
     steps(&mut app, 3);
     assert!(app.world().get::<Particles>(body).unwrap().is_finite());
-    assert!(app.world().get::<Frozen>(body).is_some());
+    assert!(app.world().get::<Frozen>(body).is_none());
+    assert_eq!(app.world().resource::<Gravity>(), &Gravity::default(), "what cannot be used is not taken");
 }

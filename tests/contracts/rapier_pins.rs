@@ -117,7 +117,12 @@ fn a_pair_on_a_pin_keeps_momentum() {
             }
             let after = momenta(&app);
             let error = [0, 1].map(|k| (after[k] - before[k]).length() / before[0].length());
-            println!("{rate} Hz, clamped {clamped}: pin {worst:.1e} m, dP {:.1e}, dL {:.1e}, ball {}", error[0], error[1], rigid(&app, ball).linvel());
+            println!(
+                "{rate} Hz, clamped {clamped}: pin {worst:.1e} m, dP {:.1e}, dL {:.1e}, ball {}",
+                error[0],
+                error[1],
+                rigid(&app, ball).linvel()
+            );
             assert!(rigid(&app, ball).linvel().length() > 0.3);
             assert!(worst < 5e-5, "{worst} m");
             assert!(error[0] < 1e-5 && error[1] < 2e-4, "{error:?}");
@@ -139,8 +144,11 @@ fn a_jelly_hangs_from_a_swinging_arm() {
             arm
         };
         let end = Vec3::X * 0.5;
-        let jelly = app.world_mut().spawn((SoftBody::new(cube(3, 0.3, 2.0)), Transform::from_translation(Vec3::X + 0.1), PushRigidBodies)).id();
-        app.world_mut().entity_mut(jelly).insert((Pins { list: vec![Pin::to_entity(0, follower, end)] }, Damping { drag: 0.5, internal: 2.0 }));
+        let jelly =
+            app.world_mut().spawn((SoftBody::new(cube(3, 0.3, 2.0)), Transform::from_translation(Vec3::X + 0.1), PushRigidBodies)).id();
+        app.world_mut()
+            .entity_mut(jelly)
+            .insert((Pins { list: vec![Pin::to_entity(0, follower, end)] }, Damping { drag: 0.5, internal: 2.0 }));
         let mut worst = 0.0f32;
         for _ in 0..(12.0 * rate) as usize {
             steps(&mut app, 1);
@@ -162,7 +170,8 @@ fn a_pin_to_a_dynamic_body_breaks_at_its_force() {
         let mut app = simulation();
         app.init_resource::<Broken>().add_observer(|broken: On<PinBroken>, mut all: ResMut<Broken>| all.0.push(broken.force));
         let (ball, follower) = add(&mut app, RigidBodyBuilder::dynamic().gravity_scale(0.0).linear_damping(0.0), 1000.0);
-        let jelly = app.world_mut().spawn((SoftBody::new(cube(3, 0.3, 1.0)), Transform::from_translation(Vec3::splat(0.1)), PushRigidBodies)).id();
+        let jelly =
+            app.world_mut().spawn((SoftBody::new(cube(3, 0.3, 1.0)), Transform::from_translation(Vec3::splat(0.1)), PushRigidBodies)).id();
         app.world_mut().entity_mut(jelly).insert(Pins { list: vec![Pin::to_entity(0, follower, Vec3::ZERO).breaking_at(force)] });
         steps(&mut app, 120);
         assert_eq!(app.world().resource::<Broken>().0.len(), usize::from(breaks), "{force} N: {:?}", app.world().resource::<Broken>().0);

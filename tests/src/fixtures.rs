@@ -2,6 +2,7 @@
 
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
+use polpo::{Particles, SoftBody, state_hash};
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_scenes::SimulationPlugins;
 
@@ -55,9 +56,11 @@ pub fn simulation() -> App {
 /// The same at `rate` steps a second.
 pub fn simulation_at(rate: f64) -> App {
     let mut app = App::new();
-    app.add_plugins((MinimalPlugins, SimulationPlugins))
-        .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
-        .insert_resource(Time::<Fixed>::from_hz(rate));
+    app.add_plugins((MinimalPlugins, SimulationPlugins)).insert_resource(TimeUpdateStrategy::FixedTimesteps(1)).insert_resource(Time::<
+        Fixed,
+    >::from_hz(
+        rate
+    ));
     app.finish();
     // The first update has no time in it.
     app.update();
@@ -69,4 +72,10 @@ pub fn steps(app: &mut App, count: usize) {
     for _ in 0..count {
         app.update();
     }
+}
+
+/// The hash of all soft bodies.
+pub fn state_of(world: &mut World) -> u64 {
+    let mut bodies = world.query_filtered::<(&Transform, &Particles), With<SoftBody>>();
+    state_hash(bodies.iter(world))
 }

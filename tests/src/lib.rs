@@ -1,6 +1,8 @@
 //! What the contract tests share.
 
 mod fixtures;
+mod random_scene;
 pub mod render;
 
-pub use fixtures::{cube, lattice, simulation, simulation_at, steps};
+pub use fixtures::{cube, lattice, simulation, simulation_at, state_of, steps};
+pub use random_scene::{Random, random_scene};

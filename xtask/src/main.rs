@@ -1,6 +1,7 @@
 //! Chores of the house, one file a command.
 
 mod assets;
+mod beam;
 mod ci;
 mod glb;
 mod octopus;
@@ -20,6 +21,8 @@ struct Arguments {
 enum Command {
     /// Make the meshes and rigs in assets/, the same bytes every time.
     Assets(assets::Arguments),
+    /// Measure one beam in every way of solving, and write docs/beam.md.
+    Beam,
     /// Run what CI runs: formatting, lints, documentation, tests.
     Ci,
 }
@@ -27,6 +30,7 @@ enum Command {
 fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Assets(arguments) => assets::run(&arguments).map_err(|e| e.to_string()),
+        Command::Beam => beam::run().map_err(|e| e.to_string()),
         Command::Ci => ci::run().map_err(|e| e.to_string()),
     };
     match done {

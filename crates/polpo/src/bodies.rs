@@ -7,7 +7,10 @@ use bevy::prelude::*;
 use polpo_rig::{Rig, RigError};
 use polpo_solver::{ParticleError, ParticleRest};
 
-use crate::{Collision, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, StepStart, Torsion};
+use crate::{
+    BodyContact, Collision, ContactMemory, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, Sleep, Sleeping,
+    StepStart, Torsion,
+};
 
 /// Makes an entity a soft body.
 ///
@@ -19,7 +22,7 @@ use crate::{Collision, Damping, DistanceConstraints, Frozen, KeepMomentum, Parti
 /// A rig that cannot be simulated, or a transform that is not finite or not uniformly scaled, is refused with the event [`SoftBodyRejected`] and an error in the log; the entity then just does not
 /// move.
 #[derive(Component, Debug, Clone)]
-#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision, KeepMomentum)]
+#[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision, BodyContact, KeepMomentum, Sleep)]
 pub struct SoftBody {
     /// What the body is made of; shared by all bodies made from it.
     pub rig: Arc<Rig>,
@@ -79,31 +82,35 @@ pub struct SoftBodyRejected {
     pub reason: RejectReason,
 }
 
+/// What the capabilities of a body have made from its particles; made anew when these are.
+type Built = (crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs);
+
 /// Builds the particles as soon as a [`SoftBody`] is inserted.
 pub(crate) fn build_body(
     insert: On<Insert, SoftBody>,
     mut commands: Commands,
-    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>)>,
+    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>, Option<&mut ContactMemory>)>,
 ) {
     let entity = insert.entity;
-    let Ok((body, mut transform, velocity)) = bodies.get_mut(entity) else {
+    let Ok((body, mut transform, velocity, memory)) = bodies.get_mut(entity) else {
         return;
     };
+    // A body that is built anew has no past.
+    if let Some(mut memory) = memory {
+        memory.position.clear();
+    }
     match particles_at(&body.rig, &transform) {
         Ok((mut particles, origin)) => {
             if let Some(velocity) = velocity {
                 particles.set_rigid_velocity(velocity.linear.into(), velocity.angular.into());
             }
             *transform = Transform::from_translation(origin);
-            let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone() };
-            commands
-                .entity(entity)
-                .remove::<(crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges, Frozen)>()
-                .insert((Particles(particles), start));
+            let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone(), origin };
+            commands.entity(entity).remove::<(Built, Frozen, Sleeping)>().insert((Particles(particles), start));
         }
         Err(reason) => {
             tracing::error!("soft body {entity} was not built: {reason}");
-            commands.entity(entity).remove::<(Particles, StepStart, crate::Edges, crate::ImplicitGroups, crate::CalibratedEdges)>();
+            commands.entity(entity).remove::<(Particles, StepStart, Built)>();
             commands.trigger(SoftBodyRejected { entity, reason });
         }
     }

@@ -9,7 +9,7 @@ use crate::{Particles, SubstepTime};
 ///
 /// The colliders come from elsewhere: `polpo_rapier` fills [`Contacts`] from Rapier's; a system of yours may do so in [`PolpoSystems::DetectContacts`](crate::PolpoSystems::DetectContacts).
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
-#[require(Contacts)]
+#[require(Contacts, ContactMemory)]
 pub struct Collision {
     /// Coulomb's coefficient of the body's skin, combined with the collider's by the collider's rule. Range 0 (ice) to infinity; default 0.6.
     pub friction: f32,
@@ -30,6 +30,11 @@ impl Default for Collision {
 /// The planes that the body's particles must stay above in this step. Refilled each step in phase `DetectContacts`.
 #[derive(Component, Debug, Clone, Default, Deref, DerefMut)]
 pub struct Contacts(pub polpo_solver::Contacts);
+
+/// Where each particle was when it was last on the right side of everything, see [`FreePositions`](polpo_solver::FreePositions). Empty until somebody fills it, as `polpo_rapier` does; kept relative to the body's
+/// present origin. Clear it after writing to a body's particles by hand; it is made anew.
+#[derive(Component, Debug, Clone, Default, PartialEq, Deref, DerefMut)]
+pub struct ContactMemory(pub polpo_solver::FreePositions);
 
 pub(crate) fn solve_contacts(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut Contacts, &Collision), Awake>) {
     for_each_body(

@@ -2,45 +2,118 @@
 
 use bevy::math::Vec3A;
 use bevy::prelude::*;
+use polpo_solver::StateError;
 
-use crate::{Particles, StepStart};
+use crate::particles::Awake;
+use crate::{ExplicitState, Particles, SoftBody, StepStart};
 
-/// A body that turned non-finite: it stays at its last good state and takes no part in the step. Remove it to let the body try again.
+/// A body that cannot be stepped: it stays at its last good state and takes no part in the step. Remove it to let the body try again.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frozen;
 
-/// Triggered on a body that turned non-finite and was frozen.
+/// Why a body was frozen.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum FreezeReason {
+    /// Its particles are not fit to be stepped.
+    #[error("{0}")]
+    Particles(#[from] StateError),
+    /// Its `Transform` is not finite.
+    #[error("its transform has translation {translation}, rotation {rotation}, scale {scale}")]
+    Transform {
+        /// Where it was to be.
+        translation: Vec3,
+        /// How it was turned.
+        rotation: Quat,
+        /// How it was scaled.
+        scale: Vec3,
+    },
+}
+
+/// Triggered on a body that was frozen.
 #[derive(EntityEvent, Debug, Clone)]
 pub struct BodyFrozen {
     /// The body.
     pub entity: Entity,
-    /// The first particle that was not finite.
-    pub particle: usize,
+    /// What was wrong with it.
+    pub reason: FreezeReason,
 }
 
-/// In phase `Writeback`: a body with a number missing goes back to the start of the step, at rest, and is [`Frozen`]; the rest of the world goes on.
-pub(crate) fn freeze_broken_bodies(mut commands: Commands, mut bodies: Query<(Entity, &mut Particles, &StepStart), Without<Frozen>>) {
-    for (entity, mut particles, start) in &mut bodies {
-        if particles.is_finite() {
-            continue;
+type Steppable = (Entity, &'static mut Particles, &'static mut Transform, &'static mut StepStart, Option<&'static SoftBody>);
+
+/// In phase `Prepare`, before anything reads what a game may have written: a body that cannot be stepped goes back to its last good state, at rest, and is [`Frozen`]; the rest of the world goes on.
+///
+/// What a body is made of (masses, radii, frames, rest positions) has no last good state and is left as it is; where it has the wrong length, it is filled up with NaN, so that the body freezes again until
+/// somebody puts it right or inserts its [`SoftBody`] anew.
+pub(crate) fn freeze_unfit_bodies(mut commands: Commands, mut bodies: Query<Steppable, Awake>) {
+    for (entity, mut particles, mut transform, mut start, body) in &mut bodies {
+        let count = body.map_or(particles.len(), |body| body.rig.particles.len());
+        let Some(reason) = fault(&particles, &transform, count) else { continue };
+        // Between steps, what of the places is in order is newer than the start of the last one.
+        let p = &*particles;
+        if p.position.len() == count && p.position.iter().all(|x| x.is_finite()) {
+            start.position.clone_from(&p.position);
         }
-        let particle = (0..particles.len())
-            .find(|&i| {
-                !(particles.position[i].is_finite()
-                    && particles.rotation[i].is_finite()
-                    && particles.velocity[i].is_finite()
-                    && particles.angular_velocity[i].is_finite())
-            })
-            .unwrap_or(0);
-        tracing::error!("soft body {entity} was frozen: particle {particle} is no longer finite");
-        let p = &mut particles.0;
-        p.position.clone_from(&start.position);
-        p.previous_position.clone_from(&start.position);
-        p.rotation.clone_from(&start.rotation);
-        p.previous_rotation.clone_from(&start.rotation);
-        p.velocity.fill(Vec3A::ZERO);
-        p.angular_velocity.fill(Vec3A::ZERO);
-        commands.entity(entity).insert(Frozen);
-        commands.trigger(BodyFrozen { entity, particle });
+        if p.rotation.len() == count && p.rotation.iter().all(|q| q.is_finite() && q.length_squared() > 0.25) {
+            start.rotation.clone_from(&p.rotation);
+        }
+        freeze(&mut commands, entity, (&mut particles, &mut transform), &start, count, reason);
     }
+}
+
+/// In phase `Writeback`: the same for a body that broke within the step; it goes back to where the step began.
+pub(crate) fn freeze_broken_bodies(mut commands: Commands, mut bodies: Query<Steppable, Awake>) {
+    for (entity, mut particles, mut transform, start, body) in &mut bodies {
+        let count = body.map_or(particles.len(), |body| body.rig.particles.len());
+        if let Some(reason) = fault(&particles, &transform, count) {
+            freeze(&mut commands, entity, (&mut particles, &mut transform), &start, count, reason);
+        }
+    }
+}
+
+fn fault(particles: &Particles, transform: &Transform, count: usize) -> Option<FreezeReason> {
+    let Transform { translation, rotation, scale } = *transform;
+    match particles.check(count) {
+        Err(error) => Some(error.into()),
+        Ok(()) => (!transform.is_finite()).then_some(FreezeReason::Transform { translation, rotation, scale }),
+    }
+}
+
+fn freeze(
+    commands: &mut Commands,
+    entity: Entity,
+    (particles, transform): (&mut Particles, &mut Transform),
+    start: &StepStart,
+    count: usize,
+    reason: FreezeReason,
+) {
+    tracing::error!("soft body {entity} was frozen: {reason}");
+    if !transform.is_finite() {
+        *transform = Transform::from_translation(start.origin);
+    }
+    go_back(particles, start, count);
+    // Explicit groups remember the motion that broke; they are made anew.
+    commands.entity(entity).remove::<ExplicitState>().insert(Frozen);
+    commands.trigger(BodyFrozen { entity, reason });
+}
+
+/// The particles as they were at `start`, at rest.
+fn go_back(p: &mut polpo_solver::Particles, start: &StepStart, count: usize) {
+    p.position.clone_from(&start.position);
+    p.rotation.clone_from(&start.rotation);
+    p.position.resize(count, Vec3A::ZERO);
+    p.rotation.resize(count, Quat::IDENTITY);
+    p.previous_position.clone_from(&p.position);
+    p.previous_rotation.clone_from(&p.rotation);
+    for velocity in [&mut p.velocity, &mut p.angular_velocity] {
+        velocity.clear();
+        velocity.resize(count, Vec3A::ZERO);
+    }
+    p.reaction.clear();
+    for list in [&mut p.mass, &mut p.inverse_mass, &mut p.inertia, &mut p.inverse_inertia] {
+        list.resize(count, f32::NAN);
+    }
+    for list in [&mut p.rest_position, &mut p.radii] {
+        list.resize(count, Vec3A::NAN);
+    }
+    p.frame.resize(count, Quat::NAN);
 }

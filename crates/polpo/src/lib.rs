@@ -21,7 +21,8 @@
 //! # One capability, one component
 //!
 //! What a body can do is what it has: [`ShapeMatching`] holds its shape, [`DistanceConstraints`] the length of its edges, [`Torsion`] resists twist, [`Damping`] lets its wobble die,
-//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind. Remove the component and neither its code nor its data is there any more. The first four come with every
+//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind, [`ExplicitGroups`] make pieces of it rigid, [`Plasticity`] lets dents stay, [`RestPose`] and [`Inflation`] move its rest shape from inside. Remove the component and neither its code nor its data is there any more. The first four come with every
+//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind, [`Sleep`] lets it rest. Remove the component and neither its code nor its data is there any more. The first four come with every
 //! [`SoftBody`]; put your own values beside it when you spawn it.
 //!
 //! # The step
@@ -29,21 +30,30 @@
 //! The step runs in `FixedPostUpdate`, or in any schedule named in [`PolpoPlugin::new`]; [`PolpoSystems`] lists its phases in their order, and a system of yours may go between any two.
 
 mod bodies;
+mod body_contact;
+mod capability;
 mod collision;
 mod damping;
 mod distance;
+mod explicit_groups;
 mod freeze;
 mod grab;
 mod gravity;
 mod integrate;
 mod keep_momentum;
+mod parameters;
 mod particles;
 mod pins;
+mod plasticity;
 mod predict;
+mod rest_pose;
 mod rider;
 mod rods;
 mod schedule;
+mod self_contact;
 mod shape_matching;
+mod sleep;
+mod snapshot;
 mod state_hash;
 mod stiffness;
 mod timings;
@@ -55,20 +65,29 @@ mod writeback;
 pub mod render;
 
 pub use bodies::{InitialVelocity, RejectReason, SoftBody, SoftBodyRejected};
-pub use collision::{Collision, Contacts};
+pub use body_contact::{BodyContact, BodyPair, BodyPairs};
+pub use capability::{CapabilityError, CapabilityRejected};
+pub use collision::{Collision, ContactMemory, Contacts};
 pub use damping::Damping;
 pub use distance::DistanceConstraints;
-pub use freeze::{BodyFrozen, Frozen};
+pub use explicit_groups::{ExplicitGroups, ExplicitState};
+pub use freeze::{BodyFrozen, FreezeReason, Frozen};
 pub use grab::Grab;
 pub use gravity::{Gravity, GravityScale};
 pub use keep_momentum::KeepMomentum;
-pub use particles::{Edges, Particles, StepStart};
+pub use parameters::ParameterRefused;
+pub use particles::{Awake, Edges, Particles, StepStart};
 pub use pins::{Pin, PinBroken, PinState, PinTarget, Pins};
-pub use polpo_solver::{Material, Section, Stiffness, Turning};
+pub use plasticity::Plasticity;
+pub use polpo_solver::{Deformable, Drive, ExplicitGroup, Material, Motor, Section, StateError, Stiffness, Turning};
+pub use rest_pose::{Inflation, Posed, RestPose};
 pub use rider::ParticleAnchor;
-pub use rods::{CalibratedEdges, Rods};
+pub use rods::{CalibratedEdges, RodFidelity, RodSolve, Rods};
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
+pub use self_contact::{SelfContact, SelfPairs};
 pub use shape_matching::{ImplicitGroups, ShapeMatching};
+pub use sleep::{Sleep, Sleeping, Stillness};
+pub use snapshot::{BodySnapshot, SnapshotError};
 pub use state_hash::state_hash;
 pub use stiffness::{EdgeStiffness, ParticleStiffness};
 pub use timings::{PolpoTimingsPlugin, StepTimings};
@@ -80,7 +99,8 @@ pub mod prelude {
     #[cfg(feature = "render")]
     pub use crate::render::PolpoRenderPlugin;
     pub use crate::{
-        AirDrag, BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity, KeepMomentum,
-        ParticleAnchor, Pin, Pins, PolpoPlugin, PolpoSystems, ShapeMatching, SoftBody, SolverSettings, Stiffness, Torsion, Wind,
+        AirDrag, BodyContact, BodyFrozen, Collision, Damping, DistanceConstraints, Grab, Gravity, GravityScale, InitialVelocity,
+        KeepMomentum, ParticleAnchor, Pin, Pins, PolpoPlugin, PolpoSystems, SelfContact, ShapeMatching, Sleep, Sleeping, SoftBody,
+        SolverSettings, Stiffness, Torsion, Wind,
     };
 }

@@ -3,7 +3,7 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 
-use crate::{DistanceConstraints, Frozen, SoftBody, Torsion};
+use crate::{DistanceConstraints, ExplicitState, Frozen, Rods, Sleeping, SoftBody, Torsion, rods};
 
 /// All particles of a body, as a structure of arrays. Made from the rig when a [`SoftBody`] is inserted.
 ///
@@ -22,14 +22,17 @@ pub struct StepStart {
     pub position: Vec<Vec3A>,
     /// Rotations since rest.
     pub rotation: Vec<Quat>,
+    /// The body's present origin in the world \[m\], as it was last seen.
+    pub origin: Vec3,
 }
 
-/// The bodies that take part in the step.
-pub(crate) type Awake = Without<Frozen>;
+/// A query's filter for the bodies that take part in the step: neither [`Frozen`] nor [`Sleeping`].
+pub type Awake = (Without<Frozen>, Without<Sleeping>);
 
 /// Copies positions and rotations, into arrays that are already there.
-pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &mut StepStart), Awake>) {
-    for (particles, mut start) in &mut bodies {
+pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &Transform, &mut StepStart), Awake>) {
+    for (particles, transform, mut start) in &mut bodies {
+        start.origin = transform.translation;
         start.position.clone_from(&particles.position);
         start.rotation.clone_from(&particles.rotation);
     }
@@ -38,12 +41,20 @@ pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &mut StepStart)
 /// Bodies whose components need edges get them; bodies that no longer need them lose them.
 pub(crate) fn build_edges(
     mut commands: Commands,
-    lacking: Query<(Entity, &SoftBody, &Particles), (Or<(With<DistanceConstraints>, With<Torsion>)>, Without<Edges>)>,
+    lacking: Query<
+        (Entity, &SoftBody, &Particles, Option<&ExplicitState>, Option<&Rods>),
+        (Or<(With<DistanceConstraints>, With<Torsion>)>, Without<Edges>, Without<Frozen>),
+    >,
     idle: Query<Entity, (With<Edges>, Without<DistanceConstraints>, Without<Torsion>)>,
 ) {
-    for (entity, body, particles) in &lacking {
-        match polpo_solver::Edges::new(particles, &body.rig.edges) {
-            Ok(edges) => {
+    for (entity, body, particles, explicit, rods) in &lacking {
+        let (pairs, input) = rods::edges_beside(&body.rig, rods);
+        match polpo_solver::Edges::new(particles, &pairs) {
+            Ok(mut edges) => {
+                edges.input.iter_mut().for_each(|e| *e = input[*e as usize]);
+                if let Some(explicit) = explicit {
+                    edges.rest_where_held(explicit);
+                }
                 commands.entity(entity).insert(Edges(edges));
             }
             // The rig was validated when the body was built, so this is not reached; if it were, the body does without.

@@ -3,6 +3,7 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 use polpo_solver::quat_log;
+use serde::{Deserialize, Serialize};
 
 use crate::particles::Awake;
 use crate::{Particles, SubstepTime};
@@ -84,7 +85,7 @@ pub struct PinBroken {
 #[derive(Component, Debug, Clone, Default)]
 pub struct PinState {
     /// Which particles are pinned, so that they can be freed.
-    held: Vec<u32>,
+    pub(crate) held: Vec<u32>,
     /// The impulse that each particle's pin gave in this step \[N·s\]; as long as there are particles while a pin may break.
     impulse: Vec<Vec3A>,
     /// Length of the step so far \[s\].
@@ -109,18 +110,12 @@ pub(crate) fn hold_pins(
         state.time = 0.0;
         for pin in &pins.list {
             let i = pin.particle as usize;
-            if i >= particles.len() || !(pin.position || pin.rotation) {
+            if !(pin.position || pin.rotation) {
                 continue;
             }
+            let Some((place, rotation)) = target_of(pin, &particles, origin, &places) else { continue };
             let here = origin.translation + Vec3::from(particles.position[i]);
-            let (place, rotation) = match pin.to {
-                PinTarget::World(place, rotation) => (place, rotation),
-                PinTarget::Entity(entity, offset, rotation) => match places.compute_global_transform(entity) {
-                    Ok(there) => (there.transform_point(offset), there.rotation() * rotation),
-                    Err(_) => (here, particles.rotation[i]),
-                },
-            };
-            if !(place.is_finite() && rotation.is_finite() && rotation.length_squared() > 0.25 && dt > 0.0) {
+            if dt <= 0.0 {
                 continue;
             }
             particles.pin(i, pin.position, pin.rotation);
@@ -129,10 +124,24 @@ pub(crate) fn hold_pins(
                 particles.velocity[i] = Vec3A::from(place - here) / dt;
             }
             if pin.rotation {
-                particles.angular_velocity[i] = quat_log(rotation.normalize() * particles.rotation[i].inverse()) / dt;
+                particles.angular_velocity[i] = quat_log(rotation * particles.rotation[i].inverse()) / dt;
             }
         }
     }
+}
+
+/// Where in the world `pin` holds its particle now, and how it is turned there. `None` if the particle does not exist or the target is not finite; where the particle is if the target's entity is gone.
+pub(crate) fn target_of(pin: &Pin, particles: &Particles, origin: &Transform, places: &TransformHelper) -> Option<(Vec3, Quat)> {
+    let i = pin.particle as usize;
+    let (&x, &q) = (particles.position.get(i)?, particles.rotation.get(i)?);
+    let (place, rotation) = match pin.to {
+        PinTarget::World(place, rotation) => (place, rotation),
+        PinTarget::Entity(entity, offset, rotation) => match places.compute_global_transform(entity) {
+            Ok(there) => (there.transform_point(offset), there.rotation() * rotation),
+            Err(_) => (origin.translation + Vec3::from(x), q),
+        },
+    };
+    (place.is_finite() && rotation.is_finite() && rotation.length_squared() > 0.25).then(|| (place, rotation.normalize()))
 }
 
 /// A body that loses its pins is free.
@@ -179,5 +188,40 @@ pub(crate) fn break_pins(mut commands: Commands, mut bodies: Query<(Entity, &mut
             }
             true
         });
+    }
+}
+
+/// A [`Pin`] in a snapshot. An entity is kept as its bits, which mean something in the same world only.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PinRecord {
+    particle: u32,
+    entity: Option<u64>,
+    place: Vec3,
+    turn: Quat,
+    position: bool,
+    rotation: bool,
+    break_force: f32,
+}
+
+impl From<&Pin> for PinRecord {
+    fn from(pin: &Pin) -> Self {
+        let (entity, place, turn) = match pin.to {
+            PinTarget::World(place, turn) => (None, place, turn),
+            PinTarget::Entity(entity, place, turn) => (Some(entity.to_bits()), place, turn),
+        };
+        let Pin { particle, position, rotation, break_force, .. } = *pin;
+        Self { particle, entity, place, turn, position, rotation, break_force }
+    }
+}
+
+impl PinRecord {
+    /// The pin. `None` if the bits are no entity's.
+    pub(crate) fn pin(&self) -> Option<Pin> {
+        let Self { particle, entity, place, turn, position, rotation, break_force } = *self;
+        let to = match entity {
+            None => PinTarget::World(place, turn),
+            Some(bits) => PinTarget::Entity(Entity::try_from_bits(bits)?, place, turn),
+        };
+        Some(Pin { particle, to, position, rotation, break_force })
     }
 }

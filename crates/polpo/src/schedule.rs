@@ -6,7 +6,7 @@
 //!                                 │
 //! SubstepSchedule, × substeps     └ Predict → SolveConstraints → SolveContacts → Integrate
 //!                                                  │
-//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion → solve_rods
+//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion → solve_rods → match_explicit
 //! ```
 //!
 //! The two inner schedules run on the single-threaded executor, which costs a tenth of a microsecond a run; the multi-threaded one would cost more than a body. Systems go parallel over bodies by
@@ -18,8 +18,8 @@ use bevy::prelude::*;
 use polpo_solver::Sweep;
 
 use crate::{
-    bodies, collision, damping, distance, freeze, grab, integrate, keep_momentum, particles, pins, predict, rider, rods, shape_matching,
-    torsion, wind, writeback,
+    bodies, body_contact, collision, damping, distance, explicit_groups, freeze, grab, integrate, keep_momentum, parameters, particles,
+    pins, plasticity, predict, rest_pose, rider, rods, self_contact, shape_matching, sleep, torsion, wind, writeback,
 };
 
 /// Soft bodies: adds the step to a schedule.
@@ -46,21 +46,23 @@ impl Default for PolpoPlugin {
 /// The phases of a step, in their order. Order your systems against them.
 #[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PolpoSystems {
-    /// New bodies and capabilities get their data; the state at the step's start is remembered.
+    /// Bodies that cannot be stepped are frozen, sleeping ones woken; new bodies and capabilities get their data; the state at the step's start is remembered.
     Prepare,
-    /// Colliders fill each body's [`Contacts`](crate::Contacts).
+    /// Colliders fill each body's [`Contacts`](crate::Contacts); particles that may touch others of the body, or of another, are paired.
     DetectContacts,
+    /// In `DetectContacts`: particles and bodies that may touch are paired, and sleeping bodies woken by those that move. What looks for contacts of awake bodies comes after it.
+    FindPairs,
     /// Runs [`SubstepSchedule`] as often as [`SolverSettings::substeps`] says.
     Substeps,
     /// In [`SubstepSchedule`]: velocities take the forces, positions and orientations take the velocities.
     Predict,
     /// In [`SubstepSchedule`]: runs [`ConstraintSchedule`] as often as [`SolverSettings::iterations`] says; in that schedule: the constraints.
     SolveConstraints,
-    /// In [`SubstepSchedule`]: particles leave the colliders, with friction.
+    /// In [`SubstepSchedule`]: particles leave each other, then the colliders, with friction.
     SolveContacts,
     /// In [`SubstepSchedule`]: velocities from positions, damping.
     Integrate,
-    /// `Transform` follows the centre of mass; bodies that are no longer finite are frozen.
+    /// `Transform` follows the centre of mass; bodies that are no longer finite are frozen, those that have come to rest fall asleep.
     Writeback,
 }
 
@@ -116,6 +118,7 @@ impl Plugin for PolpoPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<SolverSettings>()
             .init_resource::<SubstepTime>()
+            .init_resource::<crate::BodyPairs>()
             .init_resource::<crate::Gravity>()
             .init_resource::<crate::Wind>()
             .add_observer(bodies::build_body)
@@ -128,20 +131,40 @@ impl Plugin for PolpoPlugin {
                 self.schedule,
                 (
                     (
+                        parameters::refuse_parameters,
+                        sleep::wake,
+                        freeze::freeze_unfit_bodies,
+                        rods::build_rods,
+                        explicit_groups::build_explicit,
                         shape_matching::build_groups,
                         particles::build_edges,
-                        rods::build_rods,
+                        rest_pose::pose_bodies,
+                        self_contact::build_self_pairs,
+                        shape_matching::forget_rotations,
+                        rods::check_substeps,
                         pins::hold_pins,
                         particles::remember_step_start,
                     )
                         .chain()
                         .in_set(PolpoSystems::Prepare),
+                    (self_contact::find_self_pairs, body_contact::find_body_pairs, sleep::wake_touched)
+                        .chain()
+                        .in_set(PolpoSystems::FindPairs)
+                        .in_set(PolpoSystems::DetectContacts),
                     run_substeps.in_set(PolpoSystems::Substeps),
-                    (freeze::freeze_broken_bodies, writeback::follow_center_of_mass, pins::break_pins, rider::carry_riders)
+                    (
+                        freeze::freeze_broken_bodies,
+                        writeback::follow_center_of_mass,
+                        pins::break_pins,
+                        sleep::fall_asleep,
+                        rider::carry_riders,
+                    )
                         .chain()
                         .in_set(PolpoSystems::Writeback),
                 ),
             );
+
+        sleep::watch_removals(app);
 
         app.init_schedule(SubstepSchedule)
             .edit_schedule(SubstepSchedule, |schedule| {
@@ -154,12 +177,30 @@ impl Plugin for PolpoPlugin {
             .add_systems(
                 SubstepSchedule,
                 (
-                    (wind::blow, predict::predict_particles).chain().in_set(PolpoSystems::Predict),
-                    (keep_momentum::measure_momentum, run_iterations, keep_momentum::restore_momentum, grab::pull_grabbed)
+                    (wind::blow, predict::predict_particles, explicit_groups::predict_explicit).chain().in_set(PolpoSystems::Predict),
+                    (
+                        keep_momentum::measure_momentum,
+                        run_iterations,
+                        keep_momentum::restore_momentum,
+                        grab::pull_grabbed,
+                        explicit_groups::hold_explicit,
+                    )
                         .chain()
                         .in_set(PolpoSystems::SolveConstraints),
-                    collision::solve_contacts.in_set(PolpoSystems::SolveContacts),
-                    (integrate::integrate_particles, damping::damp_internally, pins::sum_reactions).chain().in_set(PolpoSystems::Integrate),
+                    (
+                        explicit_groups::strike_explicit,
+                        self_contact::solve_self_pairs,
+                        body_contact::solve_body_pairs,
+                        // What pairs gave each other is shared out by momentum; what colliders give is not.
+                        explicit_groups::hold_explicit,
+                        collision::solve_contacts,
+                        explicit_groups::land_explicit,
+                    )
+                        .chain()
+                        .in_set(PolpoSystems::SolveContacts),
+                    (integrate::integrate_particles, damping::damp_internally, plasticity::creep, pins::sum_reactions)
+                        .chain()
+                        .in_set(PolpoSystems::Integrate),
                 ),
             );
 
@@ -169,7 +210,13 @@ impl Plugin for PolpoPlugin {
             })
             .add_systems(
                 ConstraintSchedule,
-                (shape_matching::match_shapes, distance::solve_distances, torsion::solve_torsion, rods::solve_rods)
+                (
+                    shape_matching::match_shapes,
+                    distance::solve_distances,
+                    torsion::solve_torsion,
+                    rods::solve_rods,
+                    explicit_groups::match_explicit,
+                )
                     .chain()
                     .in_set(PolpoSystems::SolveConstraints),
             );

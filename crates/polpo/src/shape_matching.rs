@@ -6,7 +6,7 @@ use polpo_solver::{Stiffness, Turning};
 
 use crate::particles::{Awake, for_each_body};
 use crate::stiffness::shares_of;
-use crate::{ParticleStiffness, Particles, SoftBody, SubstepTime};
+use crate::{ExplicitState, Frozen, ParticleStiffness, Particles, Rods, SoftBody, SubstepTime, rods};
 
 /// Each particle and its one ring hold their shape. Comes with every [`SoftBody`].
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -38,13 +38,19 @@ pub struct ImplicitGroups(pub polpo_solver::ImplicitGroups);
 /// In phase `Prepare`: bodies with [`ShapeMatching`] get their groups, bodies without lose them.
 pub(crate) fn build_groups(
     mut commands: Commands,
-    lacking: Query<(Entity, &SoftBody, &Particles), (With<ShapeMatching>, Without<ImplicitGroups>)>,
+    lacking: Query<
+        (Entity, &SoftBody, &Particles, Option<&ExplicitState>, Option<&Rods>),
+        (With<ShapeMatching>, Without<ImplicitGroups>, Without<Frozen>),
+    >,
     idle: Query<Entity, (With<ImplicitGroups>, Without<ShapeMatching>)>,
 ) {
-    for (entity, body, particles) in &lacking {
-        match polpo_solver::Edges::new(particles, &body.rig.edges) {
+    let none = polpo_solver::ExplicitGroups::default();
+    for (entity, body, particles, explicit, rods) in &lacking {
+        let (pairs, _) = rods::edges_beside(&body.rig, rods);
+        match polpo_solver::Edges::new(particles, &pairs) {
             Ok(edges) => {
-                commands.entity(entity).insert(ImplicitGroups(polpo_solver::ImplicitGroups::new(particles, &edges)));
+                let explicit = explicit.map_or(&none, |e| &e.0);
+                commands.entity(entity).insert(ImplicitGroups(polpo_solver::ImplicitGroups::beside(particles, &edges, explicit)));
             }
             // The rig was validated when the body was built, so this is not reached; if it were, the body does without.
             Err(error) => {
@@ -55,6 +61,13 @@ pub(crate) fn build_groups(
     }
     for entity in &idle {
         commands.entity(entity).remove::<ImplicitGroups>();
+    }
+}
+
+/// In phase `Prepare`: the search for the groups' rotations starts from the particles, so that a step depends on nothing else.
+pub(crate) fn forget_rotations(mut bodies: Query<(&Particles, &mut ImplicitGroups), Awake>) {
+    for (particles, mut groups) in &mut bodies {
+        groups.forget_rotations(particles);
     }
 }
 

@@ -4,14 +4,16 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 
 use crate::particles::Awake;
-use crate::{Particles, StepStart};
+use crate::{ContactMemory, Particles, StepStart};
 
 /// Moves each body's origin to its centre of mass.
 ///
 /// The particles are shifted by what the translation really changed by, which far from the world's origin is not what was asked for: at 10 km a float is a millimetre. The rest stays in the
 /// particles, and nothing is lost or shaken.
-pub(crate) fn follow_center_of_mass(mut bodies: Query<(&mut Particles, &mut StepStart, &mut Transform), Awake>) {
-    for (mut particles, mut start, mut transform) in &mut bodies {
+pub(crate) fn follow_center_of_mass(
+    mut bodies: Query<(&mut Particles, &mut StepStart, &mut Transform, Option<&mut ContactMemory>), Awake>,
+) {
+    for (mut particles, mut start, mut transform, memory) in &mut bodies {
         let center = Vec3::from(particles.center_of_mass());
         let moved = transform.translation + center;
         let shift = Vec3A::from(moved - transform.translation);
@@ -21,6 +23,12 @@ pub(crate) fn follow_center_of_mass(mut bodies: Query<(&mut Particles, &mut Step
             for x in &mut start.position {
                 *x -= shift;
             }
+            if let Some(mut memory) = memory {
+                for x in &mut memory.position {
+                    *x -= Vec3::from(shift);
+                }
+            }
         }
+        start.origin = transform.translation;
     }
 }

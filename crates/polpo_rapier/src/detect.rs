@@ -1,6 +1,6 @@
 //! Finds, once a step, the planes that the particles of a body must stay above.
 
-use polpo_solver::{Contact, Contacts, Ellipsoid, Particles};
+use polpo_solver::{Contact, Contacts, Ellipsoid, FreePositions, Particles};
 use rapier3d::geometry::{BoundingVolume, ColliderSet, Group, InteractionGroups, InteractionTestMode, Shape};
 use rapier3d::math::{Pose, Vector};
 use rapier3d::parry::bounding_volume::Aabb;
@@ -28,16 +28,6 @@ pub struct DetectionInput<'a> {
     pub memberships: u32,
     /// The layers whose colliders it meets.
     pub filter: u32,
-}
-
-/// Where each particle's centre was when it was last on the right side of everything, relative to the body's origin. Keep one a body from step to step.
-///
-/// It is how a particle that its neighbours pulled through a thin floor or a bare triangle mesh is known to be on the wrong side: the way from there to here crosses the surface. It follows the
-/// particle as long as that does not happen.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FreePositions {
-    /// One a particle \[m\]. Another number of them than there are particles means that nothing is known.
-    pub position: Vec<Vector>,
 }
 
 /// The detection's scratch memory: reuse it, so that a warmed-up step allocates nothing.
@@ -173,8 +163,7 @@ impl ContactDetector {
         if !(mins.is_finite() && maxs.is_finite()) {
             return;
         }
-        let groups = |bits| Group::from_bits_truncate(bits);
-        let layers = InteractionGroups::new(groups(body.memberships), groups(body.filter), InteractionTestMode::And);
+        let layers = layers(body.memberships, body.filter);
         for (index, obstacle) in obstacles.list.iter().enumerate() {
             if obstacle.meets(mins, maxs, body.origin) && obstacle.lets_meet(layers) {
                 self.near.push(Near { index: index as u32, frames: obstacle.frames(body.origin, body.dt) });
@@ -233,6 +222,23 @@ impl ContactDetector {
         }
         reduce(&mut self.candidates, FLUSH * least);
     }
+}
+
+/// The layers of a body as Rapier has them.
+pub(crate) fn layers(memberships: u32, filter: u32) -> InteractionGroups {
+    let groups = |bits| Group::from_bits_truncate(bits);
+    InteractionGroups::new(groups(memberships), groups(filter), InteractionTestMode::And)
+}
+
+/// The box within which a body at rest sees colliders, relative to its origin. `None` if it has no particles or is not finite.
+pub(crate) fn bounds_of(p: &Particles) -> Option<(Vector, Vector)> {
+    let (mut mins, mut maxs) = (Vector::INFINITY, Vector::NEG_INFINITY);
+    for (x, radii) in p.position.iter().zip(&p.radii) {
+        let (x, reach) = (Vector::from(*x), (1.0 + SLACK) * radii.max_element());
+        mins = mins.min(x - reach);
+        maxs = maxs.max(x + reach);
+    }
+    (mins.is_finite() && maxs.is_finite()).then_some((mins, maxs))
 }
 
 /// How far particle `i` will go in this step if nothing holds it.

@@ -30,7 +30,12 @@ use crate::RapierWorld;
 pub struct RigidBodyFollower(pub RigidBodyHandle);
 
 /// Before `Prepare`: to where the body will be at the step's end, which is where pins take their particles.
-pub(crate) fn lead(time: Res<Time>, gravity: Res<Gravity>, world: Res<RapierWorld>, mut followers: Query<(&RigidBodyFollower, &mut Transform)>) {
+pub(crate) fn lead(
+    time: Res<Time>,
+    gravity: Res<Gravity>,
+    world: Res<RapierWorld>,
+    mut followers: Query<(&RigidBodyFollower, &mut Transform)>,
+) {
     let dt = time.delta_secs();
     for (follower, mut transform) in &mut followers {
         if let Some(body) = world.bodies.get(follower.0) {

@@ -24,7 +24,7 @@
 //! - Dynamic rigid bodies push soft ones as if they were driven, unless the soft one has [`PushRigidBodies`].
 //! - A contact is a plane for the length of a step. A particle that crosses more than its own size of a curved surface in a step sees it as flat for that long.
 //! - A particle is swept along a straight line without turning, and a fast, thin obstacle is met by the whole ellipsoid; but what neighbours do to the particle within the step is not foreseen.
-//!   It may so get through a thin thing; its memory ([`ContactMemory`]) then brings it back, at the body's push speed.
+//!   It may so get through a thin thing; its memory (`polpo::ContactMemory`) then brings it back, at the body's push speed.
 
 mod candidates;
 mod cast;
@@ -38,15 +38,17 @@ mod penetration;
 mod plugin;
 mod probe;
 mod push;
+mod snapshot;
 mod touch;
 mod touched;
 mod world;
 
-pub use detect::{ContactDetector, DetectionInput, FreePositions};
+pub use detect::{ContactDetector, DetectionInput};
 pub use follower::RigidBodyFollower;
 pub use obstacles::Obstacles;
 pub use penetration::penetration;
-pub use plugin::{ContactMemory, PolpoRapierPlugin, RapierSystems};
+pub use plugin::{PolpoRapierPlugin, RapierSystems};
 pub use push::{PushRigidBodies, PushState};
+pub use snapshot::RapierSnapshot;
 pub use touched::{Touch, TouchedColliders};
 pub use world::RapierWorld;

@@ -2,7 +2,7 @@
 
 use polpo_solver::{quat_exp, quat_log};
 use rapier3d::dynamics::{CoefficientCombineRule, RigidBody, RigidBodyHandle, RigidBodySet, RigidBodyType};
-use rapier3d::geometry::{Collider, ColliderHandle, ColliderSet, InteractionGroups, TypedShape};
+use rapier3d::geometry::{Collider, ColliderHandle, ColliderSet, InteractionGroups, SharedShape, TypedShape};
 use rapier3d::math::{Rotation, Vector};
 use rapier3d::parry::bounding_volume::Aabb;
 
@@ -12,13 +12,25 @@ use rapier3d::parry::bounding_volume::Aabb;
 #[derive(Debug, Default)]
 pub struct Obstacles {
     pub(crate) list: Vec<Obstacle>,
-    /// The velocities of the step before, by handle in the set's order.
-    before: Vec<(ColliderHandle, Vector, Vector)>,
+    /// What they were in the step before, in the set's order.
+    pub(crate) before: Vec<Obstacle>,
+    /// Where something moves, has come, gone or changed since the step before.
+    pub(crate) stirred: Vec<Stirred>,
+    /// Whether there was a step before.
+    begun: bool,
     /// Colliders that were left out as unusable, so that each is reported once.
     reported: Vec<ColliderHandle>,
 }
 
+/// A place where a collider is not as it was.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stirred {
+    bounds: Aabb,
+    layers: [InteractionGroups; 2],
+}
+
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Obstacle {
     pub(crate) handle: ColliderHandle,
     /// The rigid body that it belongs to.
@@ -42,6 +54,15 @@ pub(crate) struct Obstacle {
     friction: f32,
     rule: CoefficientCombineRule,
     layers: [InteractionGroups; 2],
+    /// Kept so that another shape is told from this one by its place in memory, which nobody else can have meanwhile.
+    #[cfg_attr(feature = "serialize", serde(skip, default = "no_shape"))]
+    shape: SharedShape,
+}
+
+/// Until [`Obstacles::restore`] finds the right one.
+#[cfg(feature = "serialize")]
+fn no_shape() -> SharedShape {
+    SharedShape::ball(0.0)
 }
 
 /// An obstacle's axes at one moment, relative to a body's origin.
@@ -62,16 +83,16 @@ impl Frame {
 }
 
 impl Obstacles {
-    /// Takes the snapshot for a step of `dt` \[s\], forgetting the last one except for its velocities.
+    /// Takes the snapshot for a step of `dt` \[s\], and compares it with the last one.
     ///
     /// Poses are those of the rigid bodies now, so whatever was inserted, moved or removed through Rapier's API since its last step counts at once. A body driven by
     /// `set_next_kinematic_position` moves at (next position − position)/dt, one driven by velocity and a dynamic one at its velocity; a fixed one that is teleported has no velocity.
     ///
     /// A collider whose pose or extent is not finite is left out, with one warning in the log. `dt` = 0 takes everything to be at rest.
     pub fn gather(&mut self, bodies: &RigidBodySet, colliders: &ColliderSet, dt: f32) {
-        self.before.clear();
-        self.before.extend(self.list.iter().map(|o| (o.handle, o.velocity, o.angular_velocity)));
+        core::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
+        self.stirred.clear();
         let mut before = 0;
         for (handle, collider) in colliders.iter() {
             let parent = collider.parent().and_then(|body| bodies.get(body));
@@ -85,18 +106,51 @@ impl Obstacles {
                 }
                 continue;
             };
-            // Both lists are in the order of the set's slots.
-            while self.before.get(before).is_some_and(|(old, ..)| old.into_raw_parts().0 < handle.into_raw_parts().0) {
+            // Both lists are in the order of the set's slots. What is passed over is gone.
+            while let Some(old) = self.before.get(before).filter(|old| old.slot() < obstacle.slot()) {
+                self.stirred.push(old.stirred());
                 before += 1;
             }
-            if let Some(&(old, velocity, angular_velocity)) = self.before.get(before)
-                && old == handle
-            {
-                obstacle.last_velocity = velocity;
-                obstacle.last_angular_velocity = angular_velocity;
+            match self.before.get(before).filter(|old| old.slot() == obstacle.slot()) {
+                Some(old) if old.handle == handle => {
+                    obstacle.last_velocity = old.velocity;
+                    obstacle.last_angular_velocity = old.angular_velocity;
+                    if obstacle.moves() || !obstacle.is_like(old) {
+                        self.stirred.extend([old.stirred(), obstacle.stirred()]);
+                    }
+                    before += 1;
+                }
+                Some(old) => {
+                    self.stirred.extend([old.stirred(), obstacle.stirred()]);
+                    before += 1;
+                }
+                None => self.stirred.push(obstacle.stirred()),
             }
             self.list.push(obstacle);
         }
+        self.stirred.extend(self.before[before..].iter().map(Obstacle::stirred));
+        // In the first step nothing is new, because nothing was known.
+        if !self.begun {
+            self.stirred.clear();
+        }
+        self.begun = true;
+    }
+
+    /// Sets what the next [`gather`](Self::gather) compares with: obstacles that were kept with these `colliders`.
+    pub(crate) fn restore(&mut self, list: &[Obstacle], colliders: &ColliderSet) {
+        self.list.clear();
+        self.list.extend_from_slice(list);
+        for obstacle in &mut self.list {
+            if let Some(collider) = colliders.get(obstacle.handle) {
+                obstacle.shape = collider.shared_shape().clone();
+            }
+        }
+        self.begun = true;
+    }
+
+    /// Whether a collider near the box `mins` … `maxs`, relative to `origin`, that a body with these `layers` can meet, moves, has come, gone or changed.
+    pub(crate) fn are_stirred_near(&self, mins: Vector, maxs: Vector, origin: Vector, layers: InteractionGroups) -> bool {
+        self.stirred.iter().any(|s| near(&s.bounds, mins, maxs, origin) && let_meet(&s.layers, layers))
     }
 
     /// How many there are.
@@ -159,7 +213,28 @@ impl Obstacle {
             friction: collider.friction(),
             rule: collider.friction_combine_rule(),
             layers: [collider.collision_groups(), collider.solver_groups()],
+            shape: collider.shared_shape().clone(),
         })
+    }
+
+    fn slot(&self) -> u32 {
+        self.handle.into_raw_parts().0
+    }
+
+    pub(crate) fn moves(&self) -> bool {
+        self.velocity != Vector::ZERO || self.angular_velocity != Vector::ZERO
+    }
+
+    fn stirred(&self) -> Stirred {
+        Stirred { bounds: self.bounds, layers: self.layers }
+    }
+
+    /// Whether it is where `other` was, is made as that was and moves as that did.
+    fn is_like(&self, other: &Self) -> bool {
+        (self.anchor, self.offset, self.rotation) == (other.anchor, other.offset, other.rotation)
+            && (self.velocity, self.angular_velocity) == (other.velocity, other.angular_velocity)
+            && (self.local_bounds, self.friction, self.rule, self.layers) == (other.local_bounds, other.friction, other.rule, other.layers)
+            && core::ptr::addr_eq(self.shape.0.as_ref(), other.shape.0.as_ref())
     }
 
     /// Where it is now, at the end of the step, and where it was at the start of the last one, relative to `origin`.
@@ -192,21 +267,14 @@ impl Obstacle {
         self.velocity_now + self.angular_velocity.cross(at - frame.translation)
     }
 
-    /// Whether it moves in this step.
-    pub(crate) fn moves(&self) -> bool {
-        self.velocity != Vector::ZERO || self.angular_velocity != Vector::ZERO
-    }
-
     /// Whether it may come near the box `mins` … `maxs`, relative to `origin`, in this step.
     pub(crate) fn meets(&self, mins: Vector, maxs: Vector, origin: Vector) -> bool {
-        // Far out the world's floats are coarse; the box grows by a few of their steps.
-        let slop = 1e-6 * origin.abs().max_element();
-        (self.bounds.mins - origin).cmple(maxs + slop).all() && (self.bounds.maxs - origin).cmpge(mins - slop).all()
+        near(&self.bounds, mins, maxs, origin)
     }
 
     /// Whether both the layers in which Rapier looks for contacts and those in which it acts on them let a body with these `layers` through.
     pub(crate) fn lets_meet(&self, layers: InteractionGroups) -> bool {
-        self.layers.iter().all(|own| own.test(layers))
+        let_meet(&self.layers, layers)
     }
 
     /// Coulomb's coefficient against a body with coefficient `other`, by Rapier's rules; the body's own rule is the weakest, the average.
@@ -221,6 +289,16 @@ impl Obstacle {
             CoefficientCombineRule::GeometricMean => (a * b).sqrt(),
         }
     }
+}
+
+/// Whether the boxes meet; `mins` … `maxs` is relative to `origin`. Far out the world's floats are coarse; the box grows by a few of their steps.
+fn near(bounds: &Aabb, mins: Vector, maxs: Vector, origin: Vector) -> bool {
+    let slop = 1e-6 * origin.abs().max_element();
+    (bounds.mins - origin).cmple(maxs + slop).all() && (bounds.maxs - origin).cmpge(mins - slop).all()
+}
+
+fn let_meet(own: &[InteractionGroups; 2], layers: InteractionGroups) -> bool {
+    own.iter().all(|own| own.test(layers))
 }
 
 /// Of the point at `offset` from the rigid body's position: its velocity now, the angular velocity, and the velocity as its way over the step of `dt` divided by `dt`. Not finite counts as none.

@@ -3,17 +3,20 @@
 use bevy::ecs::batching::BatchingStrategy;
 use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
-use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo::{Collision, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, SoftBody, StepStart, SubstepSchedule};
+use polpo::{
+    Awake, Collision, ContactMemory, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness, SubstepSchedule,
+};
 
+use crate::detect::bounds_of;
 use crate::push::Pushing;
-use crate::{ContactDetector, DetectionInput, FreePositions, Obstacles, RapierWorld, follower, push, touched};
+use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld, follower, push, touched};
 
 /// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
 ///
-/// In the step of `polpo::PolpoPlugin`, which must be in the same schedule: before [`PolpoSystems::Prepare`] each body's memory follows its origin; in [`PolpoSystems::DetectContacts`] the contacts
-/// are found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
+/// In the step of `polpo::PolpoPlugin`, which must be in the same schedule: in [`PolpoSystems::DetectContacts`] sleeping bodies wake near which a collider moves, has come, gone or changed, and the contacts are
+/// found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the
+/// rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
 /// velocity they will have in it.
 pub struct PolpoRapierPlugin {
     schedule: Interned<dyn ScheduleLabel>,
@@ -39,15 +42,9 @@ pub enum RapierSystems {
     Step,
 }
 
-/// What the detection remembers of a body: see [`FreePositions`]. Comes with [`Contacts`]. Remove it, or clear it, after writing to a body's particles by hand; it is made anew.
+/// Scratch memory of a body's own, so that bodies can be worked on side by side.
 #[derive(Component, Debug, Default)]
-pub struct ContactMemory {
-    free: FreePositions,
-    /// Scratch memory of its own, so that bodies can be worked on side by side.
-    pub(crate) detector: ContactDetector,
-    /// The position of the first particle when contacts were last found, which tells by how much the origin has been shifted since.
-    first: Option<Vec3A>,
-}
+pub(crate) struct Detector(pub(crate) ContactDetector);
 
 /// The snapshot of the running step.
 #[derive(Resource, Default)]
@@ -60,13 +57,16 @@ impl Plugin for PolpoRapierPlugin {
             .init_resource::<Pushing>()
             .init_resource::<Gravity>()
             .register_required_components::<Contacts, ContactMemory>()
-            .add_observer(forget)
+            .register_required_components::<Contacts, Detector>()
             .configure_sets(self.schedule, RapierSystems::Step.after(PolpoSystems::Writeback))
             .add_systems(
                 self.schedule,
                 (
-                    (follow_origin, follower::lead, push::free_the_tied).before(PolpoSystems::Prepare),
-                    (detect_contacts, touched::list_touched, push::gather_movers).chain().in_set(PolpoSystems::DetectContacts),
+                    (follower::lead, push::free_the_tied).before(PolpoSystems::Prepare),
+                    (gather_obstacles, disturb, detect_contacts, touched::list_touched, push::gather_movers)
+                        .chain()
+                        .after(PolpoSystems::FindPairs)
+                        .in_set(PolpoSystems::DetectContacts),
                     (push::hand_over, step_rigid_bodies, push::after_rapier, follower::follow).chain().in_set(RapierSystems::Step),
                 ),
             )
@@ -74,21 +74,28 @@ impl Plugin for PolpoRapierPlugin {
     }
 }
 
-/// A body that is built anew has no past.
-fn forget(insert: On<Insert, SoftBody>, mut bodies: Query<&mut ContactMemory>) {
-    if let Ok(mut memory) = bodies.get_mut(insert.entity) {
-        *memory = ContactMemory::default();
+fn gather_obstacles(time: Res<Time>, world: Res<RapierWorld>, mut surroundings: ResMut<Surroundings>, bodies: Query<(), With<Contacts>>) {
+    if !bodies.is_empty() {
+        surroundings.0.gather(&world.bodies, &world.colliders, time.delta_secs());
     }
 }
 
-/// At this time `StepStart` still has the start of the last step, relative to the present origin; contacts were found then, relative to the origin of then. Moving a body by its `Transform` moves
-/// its memory along, because nothing here is relative to the world.
-fn follow_origin(mut bodies: Query<(&StepStart, &mut ContactMemory), Without<Frozen>>) {
-    for (start, mut memory) in &mut bodies {
-        if let (Some(now), Some(then)) = (start.position.first(), memory.first) {
-            let shift = Vec3::from(*now - then);
-            for at in &mut memory.free.position {
-                *at += shift;
+/// Bodies near a collider that is not as it was do not sleep. While nothing stirs, nothing is looked at.
+fn disturb(
+    mut commands: Commands,
+    surroundings: Res<Surroundings>,
+    mut bodies: Query<(Entity, &Particles, &Transform, &Collision, &mut Stillness, Has<Sleeping>), Without<Frozen>>,
+) {
+    if surroundings.0.stirred.is_empty() {
+        return;
+    }
+    for (entity, particles, transform, collision, mut stillness, asleep) in &mut bodies {
+        let Some((mins, maxs)) = bounds_of(particles) else { continue };
+        let layers = crate::detect::layers(collision.memberships, collision.filter);
+        if surroundings.0.are_stirred_near(mins, maxs, transform.translation, layers) {
+            stillness.0 = 0.0;
+            if asleep {
+                commands.entity(entity).remove::<Sleeping>();
             }
         }
     }
@@ -98,8 +105,8 @@ fn detect_contacts(
     time: Res<Time>,
     gravity: Res<Gravity>,
     world: Res<RapierWorld>,
-    mut surroundings: ResMut<Surroundings>,
-    mut bodies: Query<(&Particles, &Transform, &Collision, Option<&GravityScale>, &mut Contacts, &mut ContactMemory), Without<Frozen>>,
+    surroundings: Res<Surroundings>,
+    mut bodies: Query<(&Particles, &Transform, &Collision, Option<&GravityScale>, &mut Contacts, &mut ContactMemory, &mut Detector), Awake>,
 ) {
     /// What a particle costs near a collider, and what a parallel query must save before it gains anything \[ns\].
     const PARTICLE: usize = 200;
@@ -108,18 +115,16 @@ fn detect_contacts(
         return;
     }
     let dt = time.delta_secs();
-    surroundings.0.gather(&world.bodies, &world.colliders, dt);
     let (obstacles, colliders, gravity) = (&surroundings.0, &world.colliders, gravity.0);
-    let detect = |(particles, transform, collision, scale, mut contacts, mut memory): (
+    let detect = |(particles, transform, collision, scale, mut contacts, mut memory, mut detector): (
         &Particles,
         &Transform,
         &Collision,
         Option<&GravityScale>,
         Mut<Contacts>,
         Mut<ContactMemory>,
+        Mut<Detector>,
     )| {
-        let ContactMemory { free, detector, first } = &mut *memory;
-        *first = particles.position.first().copied();
         let input = DetectionInput {
             particles,
             origin: transform.translation,
@@ -129,7 +134,7 @@ fn detect_contacts(
             memberships: collision.memberships,
             filter: collision.filter,
         };
-        detector.detect(&input, obstacles, colliders, free, &mut contacts.0);
+        detector.0.detect(&input, obstacles, colliders, &mut memory.0, &mut contacts.0);
     };
     // Bodies do not see each other here, so the result does not depend on the number of threads.
     let total: usize = bodies.iter().map(|(particles, ..)| particles.len() * PARTICLE).sum();

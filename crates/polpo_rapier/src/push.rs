@@ -2,13 +2,13 @@
 
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo::{Collision, Contacts, Frozen, Gravity, Particles, PinTarget, Pins, SubstepTime};
+use polpo::{Awake, Collision, Contacts, Gravity, Particles, PinTarget, Pins, SubstepTime};
 use polpo_solver::{Movers, PushContact, RigidMover, Tie, begin_pushes, solve_pushes as sweep_pushes, solve_ties, undo_overlaps};
 use rapier3d::dynamics::RigidBodyHandle;
 
 use crate::movers::{Reaction, add_feet, center_arm, hand_over as hand_over_one, is_pushable, is_pushed, mover_of, take_off};
-use crate::plugin::Surroundings;
-use crate::{ContactMemory, RapierWorld, RigidBodyFollower};
+use crate::plugin::{Detector, Surroundings};
+use crate::{RapierWorld, RigidBodyFollower};
 
 /// The body's contacts with dynamic rigid bodies, and its pins to them, give back what they take: the momentum of the pair is conserved. Without it dynamic bodies push the soft one as if they were driven.
 ///
@@ -72,7 +72,7 @@ impl Pushing {
 pub(crate) fn free_the_tied(
     world: Res<RapierWorld>,
     followers: Query<&RigidBodyFollower>,
-    mut bodies: Query<(&Particles, &Pins, &mut PushState), (With<PushRigidBodies>, Without<Frozen>)>,
+    mut bodies: Query<(&Particles, &Pins, &mut PushState), (With<PushRigidBodies>, Awake)>,
 ) {
     for (particles, pins, mut state) in &mut bodies {
         state.tied.clear();
@@ -88,7 +88,12 @@ pub(crate) fn free_the_tied(
                 && rotation.is_finite()
                 && is_pushable(&world, follower.0)
             {
-                state.tied.push(Tied { pin: index, body: follower.0, velocity: particles.velocity[i], spin: particles.angular_velocity[i] });
+                state.tied.push(Tied {
+                    pin: index,
+                    body: follower.0,
+                    velocity: particles.velocity[i],
+                    spin: particles.angular_velocity[i],
+                });
             }
         }
     }
@@ -101,15 +106,15 @@ pub(crate) fn gather_movers(
     surroundings: Res<Surroundings>,
     mut pushing: ResMut<Pushing>,
     mut bodies: Query<
-        (&mut Particles, &Transform, &mut Contacts, &ContactMemory, Option<&Pins>, &mut PushState),
-        (With<PushRigidBodies>, Without<Frozen>),
+        (&mut Particles, &Transform, &mut Contacts, &Detector, Option<&Pins>, &mut PushState),
+        (With<PushRigidBodies>, Awake),
     >,
 ) {
     let pushing = &mut *pushing;
     pushing.movers.list.clear();
     pushing.movers.feet.clear();
     pushing.handles.clear();
-    for (mut particles, transform, mut contacts, memory, pins, mut state) in &mut bodies {
+    for (mut particles, transform, mut contacts, detector, pins, mut state) in &mut bodies {
         let origin = transform.translation;
         let center_of = |body: RigidBodyHandle| {
             world.bodies.get(body).map(|body| (body.position().translation - origin) + center_arm(body)).map(Vec3A::from)
@@ -118,7 +123,7 @@ pub(crate) fn gather_movers(
         pushes.clear();
         let mut at = 0;
         contacts.list.retain(|contact| {
-            let source = memory.detector.sources.get(at).and_then(|&source| surroundings.0.list.get(source as usize));
+            let source = detector.0.sources.get(at).and_then(|&source| surroundings.0.list.get(source as usize));
             at += 1;
             let Some(obstacle) = source else { return true };
             let Some(body) = obstacle.body else { return true };
@@ -168,7 +173,7 @@ pub(crate) fn gather_movers(
 pub(crate) fn solve_pushes(
     time: Res<SubstepTime>,
     mut pushing: ResMut<Pushing>,
-    mut bodies: Query<(&mut Particles, &Contacts, &Collision, &mut PushState), (With<PushRigidBodies>, Without<Frozen>)>,
+    mut bodies: Query<(&mut Particles, &Contacts, &Collision, &mut PushState), (With<PushRigidBodies>, Awake)>,
 ) {
     /// Sweeps over all contacts. A box on dozens of jammed particles has settled by then to 1e-5 of its speed.
     const SWEEPS: usize = 8;

@@ -1,12 +1,11 @@
 //! Which colliders a body touches: for sounds, for damage, for whoever puts bodies to sleep.
 
 use bevy::prelude::*;
-use polpo::{Contacts, Frozen, Particles};
+use polpo::{Awake, Contacts, Particles};
 use rapier3d::dynamics::RigidBodyHandle;
 use rapier3d::geometry::ColliderHandle;
 
-use crate::ContactMemory;
-use crate::plugin::Surroundings;
+use crate::plugin::{Detector, Surroundings};
 
 /// The colliders that the body touches, or will touch within the running step. Refilled each step in phase `DetectContacts`; add it to the bodies of which you want to know.
 #[derive(Component, Debug, Clone, Default, PartialEq)]
@@ -32,12 +31,12 @@ pub struct Touch {
 pub(crate) fn list_touched(
     time: Res<Time>,
     surroundings: Res<Surroundings>,
-    mut bodies: Query<(&Particles, &Contacts, &ContactMemory, &mut TouchedColliders), Without<Frozen>>,
+    mut bodies: Query<(&Particles, &Contacts, &Detector, &mut TouchedColliders), Awake>,
 ) {
     let dt = time.delta_secs();
-    for (particles, contacts, memory, mut touched) in &mut bodies {
+    for (particles, contacts, detector, mut touched) in &mut bodies {
         touched.list.clear();
-        for (contact, &source) in contacts.list.iter().zip(&memory.detector.sources) {
+        for (contact, &source) in contacts.list.iter().zip(&detector.0.sources) {
             let i = contact.particle as usize;
             let Some(obstacle) = surroundings.0.list.get(source as usize) else { continue };
             let n = contact.normal;

@@ -23,6 +23,11 @@ pub(crate) struct BlockCholesky {
 impl BlockCholesky {
     /// For `n` nodes of which the `pairs` have a block in common.
     pub(crate) fn new(n: usize, pairs: &[[u32; 2]]) -> Self {
+        Self::within(n, pairs, usize::MAX).unwrap_or_default()
+    }
+
+    /// The same, or nothing if the elimination fills more than `most` blocks.
+    pub(crate) fn within(n: usize, pairs: &[[u32; 2]], most: usize) -> Option<Self> {
         let mut near: Vec<Vec<u32>> = vec![Vec::new(); n];
         let link = |near: &mut Vec<Vec<u32>>, a: u32, b: u32| {
             for (a, b) in [(a, b), (b, a)] {
@@ -39,9 +44,14 @@ impl BlockCholesky {
         let mut this = Self { rank: vec![0; n], starts: vec![0], ..Self::default() };
         let mut left: Vec<u32> = (0..n as u32).collect();
         let mut columns: Vec<Vec<u32>> = Vec::new();
+        let mut filled = 0;
         while let Some(at) = (0..left.len()).min_by_key(|&k| (near[left[k] as usize].len(), left[k])) {
             let node = left.remove(at);
             let ring = core::mem::take(&mut near[node as usize]);
+            filled += ring.len();
+            if filled > most {
+                return None;
+            }
             for (k, &a) in ring.iter().enumerate() {
                 near[a as usize].retain(|&b| b != node);
                 for &b in &ring[..k] {
@@ -61,7 +71,7 @@ impl BlockCholesky {
         this.lower = vec![DMat3::ZERO; this.rows.len()];
         this.diagonal = vec![DMat3::ZERO; n];
         this.right = vec![DVec3::ZERO; n];
-        this
+        Some(this)
     }
 
     /// Sets the matrix to zero.

@@ -1,4 +1,23 @@
-//! Colours: sets of constraints that share no particle.
+//! The order of constraints: sorted by place, then by colour, sets of constraints that share no particle.
+
+use glam::Vec3A;
+
+/// The rank of each particle by where it is at rest: by x, then y, then z, then index.
+///
+/// Constraints that are solved one after the other come out differently in another order. Taken in the order of where they are, rather than of how a rig happens to number its particles, they come out
+/// the same, to rounding, whatever the numbers.
+pub(crate) fn rank(rest_position: &[Vec3A]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..rest_position.len() as u32).collect();
+    order.sort_by(|&i, &j| {
+        let (a, b) = (rest_position[i as usize], rest_position[j as usize]);
+        a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)).then(i.cmp(&j))
+    });
+    let mut rank = vec![0; order.len()];
+    for (r, &i) in order.iter().enumerate() {
+        rank[i as usize] = r as u32;
+    }
+    rank
+}
 
 /// Gives each of `rows` (lists of particle indices below `particles`) the smallest colour that no earlier row with a common particle has, and returns the rows sorted by colour (ties in row
 /// order) with the start of each colour in that order, plus the end.

@@ -1,6 +1,6 @@
 //! Contacts: the planes that particles must stay above during one step.
 
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 
 /// The tangent plane of a collider at the point nearest to a particle, or at the point its path meets.
 ///
@@ -28,4 +28,14 @@ pub struct Contact {
 pub struct Contacts {
     /// In the order in which they are solved.
     pub list: Vec<Contact>,
+}
+
+/// Where each particle's centre was when it was last on the right side of everything, relative to the body's origin. Keep one a body from step to step.
+///
+/// It is how a particle that its neighbours pulled through a thin floor or a bare triangle mesh is known to be on the wrong side: the way from there to here crosses the surface. It follows the
+/// particle as long as that does not happen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FreePositions {
+    /// One a particle \[m\]. Another number of them than there are particles means that nothing is known.
+    pub position: Vec<Vec3>,
 }

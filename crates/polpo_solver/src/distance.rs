@@ -21,7 +21,7 @@ pub fn solve_distances(edges: &mut Edges, particles: &mut Particles, tension: Sh
         let d = x[j] - x[i];
         let length = d.length();
         let weight = w[i] + w[j];
-        if !(length > 0.0 && weight > 0.0) {
+        if !(length > 0.0 && weight > 0.0) || edges.held.get(e).is_some_and(|&held| held) {
             continue;
         }
         let error = length - rest;

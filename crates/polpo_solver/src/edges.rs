@@ -1,7 +1,9 @@
 //! Edges: the pairs of particles that hold on to each other.
 
-use crate::Particles;
-use crate::coloring::color_rows;
+use glam::Quat;
+
+use crate::coloring::{color_rows, rank};
+use crate::{ExplicitGroups, Particles};
 
 /// What is wrong with an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,7 +38,7 @@ pub enum EdgeError {
     },
 }
 
-/// Edges sorted by colour: edges of one colour share no particle.
+/// Edges sorted by colour, and by where they are at rest: edges of one colour share no particle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edges {
     /// Ends of each edge.
@@ -48,6 +50,12 @@ pub struct Edges {
     /// What each edge has been stretched in this substep \[m\], and twisted \[rad\]; empty with one sweep a substep.
     pub(crate) stretch: Vec<f32>,
     pub(crate) twist: Vec<f32>,
+    /// By how much plastic flow has made each edge longer, as a factor; empty while nothing has flowed.
+    pub(crate) flow: Vec<f32>,
+    /// q_j⁻¹·q_i of the rotations that the ends have in the rest pose; empty while they have none.
+    pub(crate) rest_turn: Vec<Quat>,
+    /// Whether each edge rests because a rigid group holds both its ends; empty if none ever does.
+    pub(crate) held: Vec<bool>,
     /// Where each colour starts in `pairs`, and the end of the last.
     pub colors: Vec<u32>,
 }
@@ -77,11 +85,37 @@ impl Edges {
                 return Err(EdgeError::Duplicate { edge: two[1].2, a: two[1].0, b: two[1].1 });
             }
         }
-        let (order, colors) = color_rows(count, pairs.iter().map(|p| p.as_slice()));
+        let rank = rank(&particles.rest_position);
+        let mut input: Vec<u32> = (0..pairs.len() as u32).collect();
+        input.sort_by_key(|&e| {
+            let [a, b] = pairs[e as usize].map(|i| rank[i as usize]);
+            (a.min(b), a.max(b))
+        });
+        let (order, colors) = color_rows(count, input.iter().map(|&e| pairs[e as usize].as_slice()));
+        let order: Vec<u32> = order.iter().map(|&k| input[k as usize]).collect();
         let pairs: Vec<[u32; 2]> = order.iter().map(|&e| pairs[e as usize]).collect();
         let rest_length =
             pairs.iter().map(|&[a, b]| particles.rest_position[a as usize].distance(particles.rest_position[b as usize])).collect();
-        Ok(Self { pairs, rest_length, input: order, stretch: Vec::new(), twist: Vec::new(), colors })
+        Ok(Self { pairs, rest_length, input: order, colors, ..Self::default() })
+    }
+
+    /// Lets the edges rest whose two ends a rigid, closed group holds, which could only quarrel with it once it is dented or inflated, and wakes the others. To be called when
+    /// [`ExplicitGroups::revision`] has changed; does nothing without explicit groups.
+    pub fn rest_where_held(&mut self, explicit: &ExplicitGroups) {
+        self.held.clear();
+        if explicit.is_empty() {
+            return;
+        }
+        self.held.resize(self.pairs.len(), false);
+        let mut last = vec![u32::MAX; explicit.shape.moment.len()];
+        for g in (0..explicit.len()).filter(|&g| explicit.bodies[g].acting) {
+            for &i in explicit.members(g) {
+                last[i as usize] = g as u32;
+            }
+            for (held, pair) in self.held.iter_mut().zip(&self.pairs) {
+                *held |= pair.iter().all(|&i| last.get(i as usize) == Some(&(g as u32)));
+            }
+        }
     }
 
     /// Number of edges.

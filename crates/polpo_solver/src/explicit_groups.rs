@@ -112,7 +112,7 @@ pub struct ExplicitGroups {
     pub(crate) open: Vec<f32>,
     /// Per particle, whether it is a member, and whether all the groups it is in can open.
     membership: Vec<Membership>,
-    revision: u32,
+    pub(crate) revision: u32,
     /// Per group, what it is as a rigid body.
     pub(crate) bodies: Vec<RigidBody>,
     /// Per row entry, what its group last made of the member.
@@ -219,9 +219,40 @@ impl ExplicitGroups {
         self.shape.rotation.get(g).copied()
     }
 
-    /// Goes up whenever a group opens or closes: then [`ImplicitGroups::rest_where_held`] is due.
+    /// Changes whenever a group opens, closes, softens or stiffens: then [`ImplicitGroups::rest_where_held`] and [`Edges::rest_where_held`](crate::Edges::rest_where_held) are due.
     pub fn revision(&self) -> u32 {
         self.revision
+    }
+
+    /// Makes these groups the ones that `groups` describes, and tells whether they had to be made anew: while members and which of them can open stay the same, only numbers change, and what is open, dented
+    /// and turning goes on. Made anew they are closed and in the shape they have at rest.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new); the groups are then only partly changed and not to be used any more.
+    pub fn update(&mut self, particles: &Particles, groups: &[ExplicitGroup]) -> Result<bool, GroupError> {
+        let same = self.len() == groups.len()
+            && self.membership.len() == particles.len()
+            && groups
+                .iter()
+                .enumerate()
+                .all(|(g, group)| self.members(g) == group.members && self.deformable[g].is_some() == group.deformable.is_some());
+        if !same {
+            *self = Self::new(particles, groups)?;
+            return Ok(true);
+        }
+        for (g, group) in groups.iter().enumerate() {
+            self.set_motor(g, group.motor)?;
+            self.set_stiffness(g, group.stiffness)?;
+            if group.scale != self.scale[g] {
+                self.set_scale(g, group.scale)?;
+            }
+            if let Some(d) = group.deformable {
+                check_deformable(g, d)?;
+                self.deformable[g] = Some(d);
+            }
+        }
+        Ok(false)
     }
 
     /// Drives group `g` by another motor, or by none. The new one starts with the next substep.
@@ -258,6 +289,9 @@ impl ExplicitGroups {
         self.check_group(g)?;
         check_scale(g, scale)?;
         let ratio = scale / self.scale[g];
+        if !ratio.is_normal() {
+            return Err(GroupError::Range { group: g, what: "the rest scale", value: scale, range: "too far from the last one" });
+        }
         self.scale[g] = scale;
         let row = self.row(g);
         for r in &mut self.shape.rest[row] {
@@ -328,7 +362,7 @@ impl ExplicitGroups {
         self.membership.get(i).is_none_or(|m| m.groups == 0 || !m.rigid_for_good)
     }
 
-    /// Whether a closed group has particle `i`.
+    /// Whether a closed group has particle `i`, soft or rigid.
     pub(crate) fn holds(&self, i: usize) -> bool {
         self.membership.get(i).is_some_and(|m| m.closed > 0)
     }

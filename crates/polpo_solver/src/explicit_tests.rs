@@ -7,8 +7,8 @@ use glam::{Quat, Vec3A};
 use crate::testing::{Random, blob, line, scramble};
 use crate::{
     Contact, Contacts, Deformable, Drive, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, Motor, ParticleRest, Particles, Plasticity,
-    Stiffness, Sweep, Turning, creep_shapes, fit_rigid, integrate, land_explicit_groups, match_explicit_groups, match_shapes, momentum,
-    predict, predict_explicit, quat_exp, quat_log, solve_contacts,
+    RestPose, Stiffness, Sweep, Turning, creep_shapes, fit_rigid, integrate, land_explicit_groups, match_explicit_groups, match_shapes,
+    momentum, predict, predict_explicit, quat_exp, quat_log, solve_contacts,
 };
 
 pub(crate) const G: Vec3A = Vec3A::new(0.0, -9.81, 0.0);
@@ -222,7 +222,7 @@ fn a_motor_reaches_its_speed_and_pushes_back() {
     assert!((momentum(&p).angular - Vec3A::Z * 0.5).length() < 1e-4, "{}", momentum(&p).angular);
 }
 
-fn floor(particle: u32) -> Contact {
+pub(crate) fn floor(particle: u32) -> Contact {
     Contact {
         particle,
         friction: 0.8,
@@ -321,7 +321,7 @@ fn a_dent_stays() {
                 revision = groups.revision();
             }
             match_shapes(&mut implicit, &mut p, share.into(), Turning::AllMembers, Sweep::only(dt));
-            creep_shapes(&mut implicit, &p, Plasticity { yield_strain: 0.05, creep: 200.0, maximum: 0.5 }, dt);
+            creep_shapes(&mut implicit, &p, &RestPose::default(), Plasticity { yield_strain: 0.05, creep: 200.0, maximum: 0.5 }, dt);
             match_explicit_groups(&mut groups, &mut p, Sweep::only(dt));
             groups.strike_all(&p, &contacts, dt);
             if groups.revision() != revision {

@@ -29,6 +29,12 @@ pub(crate) struct Joints {
     arms: Vec<[DVec3; 2]>,
     impulse: Vec<DVec3>,
     mobility: Vec<DMat3>,
+    /// Per joint, what of the gap cannot be closed \[m\] or \[rad\]; the impulse given so far, and before the last try.
+    left: Vec<DVec3>,
+    given: Vec<DVec3>,
+    last: Vec<DVec3>,
+    /// Per group, P and L before the last try.
+    saved: Vec<[DVec3; 2]>,
     /// Per joint, the projection on the directions it asks for.
     asked: Vec<DMat3>,
 }
@@ -135,6 +141,8 @@ impl Joints {
         self.matrix = BlockCholesky::new(n, &pairs);
         self.arms = vec![[DVec3::ZERO; 2]; n];
         self.impulse = vec![DVec3::ZERO; n];
+        self.left = vec![DVec3::ZERO; n];
+        self.given = vec![DVec3::ZERO; n];
         self.asked = vec![DMat3::IDENTITY; n];
         self.mobility = vec![DMat3::ZERO; bodies.len()];
     }
@@ -153,71 +161,150 @@ impl Joints {
         }
     }
 
-    /// Closes the joints where the substep began, by moving the groups without a velocity, if they are wide open: after a start apart, a teleport, an inflation. Otherwise does nothing.
+    /// Closes the joints where the substep began, by moving the groups without a velocity, if they are wide open: after a start apart, a teleport, an inflation. Otherwise does nothing. What cannot be closed,
+    /// because pins or groups contradict each other, is `left` open and no impulse is spent on it.
     pub(crate) fn close_gaps(&mut self, bodies: &mut [RigidBody], rest: &[Vec3A], particles: &Particles) {
-        for step in 0..STEPS {
-            for body in bodies.iter_mut().filter(|b| b.acting) {
-                body.end = body.start;
-            }
-            let tolerance = if step == 0 { OLD_GAP } else { TOLERANCE };
-            if !self.gaps(bodies, rest, &particles.previous_position, &particles.previous_rotation, tolerance) {
+        self.left.fill(DVec3::ZERO);
+        let (x, q) = (&particles.previous_position, &particles.previous_rotation);
+        stay(bodies);
+        let (mut open, mut miss) = self.gaps(bodies, rest, x, q, OLD_GAP);
+        let mut slack = SLACK;
+        for _ in 0..STEPS {
+            if !open {
                 return;
             }
-            self.solve(bodies, rest, 1.0);
+            self.solve(bodies, rest, 1.0, slack);
             for (joint, &p) in self.list.iter().zip(&self.impulse) {
                 for (side, p) in [(0, p), (1, -p)] {
                     let Some(body) = bodies.get_mut(joint.groups[side] as usize) else { continue };
                     let turn = if joint.kind == Kind::Turned {
                         p
                     } else {
-                        body.start.center += p / body.mass;
-                        (body.end.rotation * body.arm(rest[joint.entries[side] as usize])).cross(p)
+                        body.end.center += p / body.mass;
+                        (body.start.rotation * body.arm(rest[joint.entries[side] as usize])).cross(p)
                     };
-                    let turn = body.mobility(body.end.rotation) * turn;
-                    body.start.rotation = rotate(body.start.rotation, turn.clamp_length_max(0.5));
+                    let turn = body.mobility(body.start.rotation) * turn;
+                    body.end.rotation = rotate(body.end.rotation, turn.clamp_length_max(0.5));
                 }
             }
+            let now = self.gaps(bodies, rest, x, q, TOLERANCE);
+            if now.1 < miss {
+                (open, miss) = now;
+                for body in bodies.iter_mut().filter(|b| b.acting) {
+                    body.start = body.end;
+                }
+            } else {
+                slack *= 100.0;
+                stay(bodies);
+                self.gaps(bodies, rest, x, q, TOLERANCE);
+            }
+        }
+        if self.gaps(bodies, rest, x, q, OLD_GAP).0 {
+            self.left.clone_from(&self.impulse);
         }
     }
 
     /// Advances the changed groups through the substep of `dt` \[s\] and changes their momenta until the joints are closed at its end.
+    ///
+    /// By Newton's plain steps, if they come nearer. If they do not, from the beginning by careful ones (Levenberg and Marquardt's way): a step that opens the joints further is taken back and made shorter,
+    /// by a hundred times the slack. Joints that ask for the same thing twice contradict each other in second order and spend ever larger impulses on it, which would do nothing only if the arms did not turn.
     pub(crate) fn hold_together(&mut self, bodies: &mut [RigidBody], rest: &[Vec3A], particles: &mut Particles, dt: f64) {
-        for step in 0..=STEPS {
-            for body in bodies.iter_mut().filter(|b| b.acting && b.changed) {
-                body.advance(dt);
+        advance(bodies, dt);
+        let (open, miss) = self.gaps(bodies, rest, &particles.position, &particles.rotation, TOLERANCE);
+        if !open {
+            return;
+        }
+        self.save(bodies);
+        self.given.fill(DVec3::ZERO);
+        let mut now = (open, miss);
+        for _ in 0..STEPS {
+            now = self.try_step(bodies, rest, particles, dt, SLACK);
+            if !now.0 {
+                break;
             }
-            if step == STEPS || !self.gaps(bodies, rest, &particles.position, &particles.rotation, TOLERANCE) {
-                return;
-            }
-            self.solve(bodies, rest, dt);
-            for (joint, &p) in self.list.iter().zip(&self.impulse) {
-                if joint.kind == Kind::Turned {
-                    bodies[joint.groups[0] as usize].angular += p;
-                    continue;
-                }
-                let at = |side: usize| {
-                    let body = &bodies[joint.groups[side] as usize];
-                    body.start.center + body.start.rotation * body.arm(rest[joint.entries[side] as usize])
-                };
-                let point = if joint.kind == Kind::Shared { (at(0) + at(1)) * 0.5 } else { at(0) };
-                for (side, p) in [(0, p), (1, -p)] {
-                    let Some(body) = bodies.get_mut(joint.groups[side] as usize) else { continue };
-                    body.linear += p;
-                    body.angular += (point - body.start.center).cross(p);
-                }
-                if joint.kind == Kind::Pinned
-                    && let Some(reaction) = particles.reaction.get_mut(joint.particle as usize)
-                {
-                    *reaction -= p.as_vec3a();
-                }
+        }
+        if now.0 && (now.1 >= 0.01 * miss || now.1.is_nan()) {
+            self.given.fill(DVec3::ZERO);
+            self.take_back(bodies, rest, particles, dt);
+            self.hold_carefully(bodies, rest, particles, dt, miss);
+        }
+        for (joint, &p) in self.list.iter().zip(&self.given).filter(|(j, _)| j.kind == Kind::Pinned) {
+            if let Some(reaction) = particles.reaction.get_mut(joint.particle as usize) {
+                *reaction -= p.as_vec3a();
             }
         }
     }
 
-    /// Writes minus the gaps at the groups' ends into `impulse`, against the pinned places `x` and orientations `q`, and tells whether any is above `tolerance`.
-    fn gaps(&mut self, bodies: &[RigidBody], rest: &[Vec3A], x: &[Vec3A], q: &[Quat], tolerance: f64) -> bool {
-        let mut open = false;
-        for ((gap, asked), joint) in self.impulse.iter_mut().zip(&mut self.asked).zip(&self.list) {
+    #[cold]
+    fn hold_carefully(&mut self, bodies: &mut [RigidBody], rest: &[Vec3A], particles: &Particles, dt: f64, mut miss: f64) {
+        let mut slack = SLACK;
+        for _ in 0..2 * STEPS {
+            self.save(bodies);
+            self.last.clone_from(&self.given);
+            let (open, now) = self.try_step(bodies, rest, particles, dt, slack);
+            if !open {
+                return;
+            }
+            if now < miss {
+                miss = now;
+                slack = SLACK.max(slack * 0.01);
+            } else {
+                self.given.clone_from(&self.last);
+                self.take_back(bodies, rest, particles, dt);
+                slack *= 100.0;
+            }
+        }
+    }
+
+    /// One step of Newton's method from the gaps found last. Tells whether joints are open then, and by how much.
+    fn try_step(&mut self, bodies: &mut [RigidBody], rest: &[Vec3A], particles: &Particles, dt: f64, slack: f64) -> (bool, f64) {
+        self.solve(bodies, rest, dt, slack);
+        for (sum, &p) in self.given.iter_mut().zip(&self.impulse) {
+            *sum += p;
+        }
+        self.push(bodies, rest);
+        advance(bodies, dt);
+        self.gaps(bodies, rest, &particles.position, &particles.rotation, TOLERANCE)
+    }
+
+    fn save(&mut self, bodies: &[RigidBody]) {
+        self.saved.clear();
+        self.saved.extend(bodies.iter().map(|b| [b.linear, b.angular]));
+    }
+
+    fn take_back(&mut self, bodies: &mut [RigidBody], rest: &[Vec3A], particles: &Particles, dt: f64) {
+        for (body, &[linear, angular]) in bodies.iter_mut().zip(&self.saved) {
+            (body.linear, body.angular) = (linear, angular);
+        }
+        advance(bodies, dt);
+        self.gaps(bodies, rest, &particles.position, &particles.rotation, TOLERANCE);
+    }
+
+    /// Gives the groups the impulses, where the substep began.
+    fn push(&self, bodies: &mut [RigidBody], rest: &[Vec3A]) {
+        for (joint, &p) in self.list.iter().zip(&self.impulse) {
+            if joint.kind == Kind::Turned {
+                bodies[joint.groups[0] as usize].angular += p;
+                continue;
+            }
+            let at = |side: usize| {
+                let body = &bodies[joint.groups[side] as usize];
+                body.start.center + body.start.rotation * body.arm(rest[joint.entries[side] as usize])
+            };
+            let point = if joint.kind == Kind::Shared { (at(0) + at(1)) * 0.5 } else { at(0) };
+            for (side, p) in [(0, p), (1, -p)] {
+                let Some(body) = bodies.get_mut(joint.groups[side] as usize) else { continue };
+                body.linear += p;
+                body.angular += (point - body.start.center).cross(p);
+            }
+        }
+    }
+
+    /// Writes minus the gaps at the groups' ends into `impulse`, against the pinned places `x` and orientations `q` and less those that are left open; tells whether any is above `tolerance`, and the sum of their
+    /// squares.
+    fn gaps(&mut self, bodies: &[RigidBody], rest: &[Vec3A], x: &[Vec3A], q: &[Quat], tolerance: f64) -> (bool, f64) {
+        let (mut open, mut miss) = (false, 0.0);
+        for (((gap, asked), joint), &left) in self.impulse.iter_mut().zip(&mut self.asked).zip(&self.list).zip(&self.left) {
             let arm = |side: usize| {
                 let body = &bodies[joint.groups[side] as usize];
                 let arm = body.end.rotation * body.arm(rest[joint.entries[side] as usize]);
@@ -243,15 +330,17 @@ impl Joints {
                 *asked = across(body.end.rotation * (first - own).as_dvec3(), body.end.rotation * (second - own).as_dvec3());
                 *gap = *asked * *gap;
             }
+            *gap -= left;
             // Pinned places are f32: more digits than they have are not asked for.
             let floor = if joint.kind == Kind::Shared { 0.0 } else { 1e-9 };
             open |= gap.length() > tolerance * size + floor;
+            miss += gap.length_squared();
         }
-        open
+        (open, miss)
     }
 
-    /// Solves for the impulses, given minus the gaps.
-    fn solve(&mut self, bodies: &[RigidBody], rest: &[Vec3A], dt: f64) {
+    /// Solves for the impulses, given minus the gaps; `slack` larger on the diagonal.
+    fn solve(&mut self, bodies: &[RigidBody], rest: &[Vec3A], dt: f64, slack: f64) {
         for (m, body) in self.mobility.iter_mut().zip(bodies).filter(|(_, b)| b.acting) {
             *m = body.mobility(half_way(body));
         }
@@ -281,8 +370,20 @@ impl Joints {
                 self.matrix.add(i, i, (DMat3::IDENTITY - self.asked[i]) * (dt / body.mass));
             }
         }
-        self.matrix.regularise(SLACK);
+        self.matrix.regularise(slack);
         self.matrix.solve(&mut self.impulse);
+    }
+}
+
+fn stay(bodies: &mut [RigidBody]) {
+    for body in bodies.iter_mut().filter(|b| b.acting) {
+        body.end = body.start;
+    }
+}
+
+fn advance(bodies: &mut [RigidBody], dt: f64) {
+    for body in bodies.iter_mut().filter(|b| b.acting && b.changed) {
+        body.advance(dt);
     }
 }
 

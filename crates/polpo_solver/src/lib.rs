@@ -18,38 +18,60 @@
 //!
 //! SI throughout: m, kg, s, rad. Stiffness is a frequency in hertz, see [`Stiffness`].
 
+#[cfg(test)]
+mod beam_tests;
 mod block_cholesky;
+mod broad_phase;
 mod calibrated_edges;
+mod check;
 mod coloring;
 mod contacts;
 mod damping;
+mod direct_edges;
+#[cfg(test)]
+mod direct_tests;
 mod distance;
+mod edge_strain;
 mod edges;
 mod ellipsoid;
+mod ellipsoid_pair;
 mod explicit_groups;
 #[cfg(test)]
 mod explicit_tests;
+#[cfg(test)]
+mod facet_tests;
+mod facets;
 mod groups;
 mod integrate;
 #[cfg(test)]
 mod joint_tests;
 mod joints;
 mod landing;
+mod material;
 mod math;
 mod momentum;
 mod motor;
 mod movers;
+#[cfg(test)]
+mod pair_tests;
+mod pairs;
 mod particles;
 mod plasticity;
 mod predict;
 mod push;
 #[cfg(test)]
 mod push_tests;
+mod rest_pose;
 mod rigid_groups;
+mod rings;
+mod rods;
+#[cfg(test)]
+mod rolling_tests;
 mod rotation;
 mod shape_matching;
 mod soft_groups;
 mod solve_contacts;
+mod solve_pairs;
 mod stiffness;
 #[cfg(test)]
 mod testing;
@@ -57,28 +79,38 @@ mod ties;
 mod torsion;
 mod wind;
 
-pub use calibrated_edges::{CalibratedEdges, CalibrationError, Material, Section, solve_calibrated_edges};
-pub use contacts::{Contact, Contacts};
-pub use damping::damp_internally;
+pub use broad_phase::{Bounds, BroadPhase};
+pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
+pub use check::StateError;
+pub use contacts::{Contact, Contacts, FreePositions};
+pub use damping::{damp_beside, damp_internally};
+pub use direct_edges::DirectEdges;
 pub use distance::solve_distances;
 pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
+pub use ellipsoid_pair::{EllipsoidPair, PairGap};
 pub use explicit_groups::{Deformable, ExplicitGroup, ExplicitGroups, GroupError};
+pub use facets::Facet;
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;
 pub use landing::land_explicit_groups;
+pub use material::{CalibrationError, Material, Section};
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};
 pub use motor::{Drive, Motor};
 pub use movers::{Foot, Movers, RigidMover};
+pub use pairs::{Pair, PairFinder, PairSearch, Pairs, RestPairs, TooDense, swept_bounds};
 pub use particles::{ParticleError, ParticleRest, Particles};
 pub use plasticity::{Plasticity, creep_edges, creep_shapes};
 pub use predict::predict;
 pub use push::{PushContact, PushState, begin_pushes, solve_pushes, undo_overlaps};
-pub use rigid_groups::{match_explicit_groups, predict_explicit};
+pub use rest_pose::{PoseError, RestPose};
+pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_explicit};
+pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
+pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, find_support, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
 pub use ties::{Tie, solve_ties};
 pub use torsion::solve_torsion;

@@ -23,12 +23,23 @@ pub struct Momentum {
 
 /// Sums up what the particles carry. An empty body carries nothing.
 pub fn momentum(p: &Particles) -> Momentum {
-    let mut sum = Momentum { center: p.center_of_mass(), inertia: Mat3A::ZERO, ..Momentum::default() };
-    for i in 0..p.len() {
+    momentum_of(p, 0..p.len(), |_| true)
+}
+
+/// What the `members` carry; only the spin of those that are `oriented` counts.
+pub(crate) fn momentum_of(p: &Particles, members: impl Iterator<Item = usize> + Clone, oriented: impl Fn(usize) -> bool) -> Momentum {
+    let mut sum = Momentum { inertia: Mat3A::ZERO, ..Momentum::default() };
+    for i in members.clone() {
+        sum.center += p.position[i] * p.mass[i];
+        sum.mass += p.mass[i];
+    }
+    if sum.mass > 0.0 {
+        sum.center /= sum.mass;
+    }
+    for i in members {
         let (m, v, omega) = (p.mass[i], p.velocity[i], p.angular_velocity[i]);
         let r = p.position[i] - sum.center;
-        let spin = p.inertia[i];
-        sum.mass += m;
+        let spin = if oriented(i) { p.inertia[i] } else { 0.0 };
         sum.linear += v * m;
         sum.angular += r.cross(v) * m + omega * spin;
         sum.kinetic_energy += 0.5 * (m * v.length_squared() + spin * omega.length_squared());

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3, Mat3A, Quat, Vec3A};
 
-use crate::{Edges, ExplicitGroups, ImplicitGroups, Particles, extract_rotation};
+use crate::{Edges, ExplicitGroups, ImplicitGroups, Particles, RestPose, extract_rotation};
 
 /// How rest shapes give way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,37 +30,59 @@ impl Plasticity {
 /// for good. The volume of the linear fit of the new offsets to the made ones, spin moments included so that there is one for rows and sheets, is normalised to 1, and the offsets' root mean square distance
 /// from the made ones limited.
 ///
-/// The made offsets are those of [`Particles::rest_position`], so that a body that is not plastic has no data for it. Edges have to creep along, or they pull back: [`creep_edges`].
-pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, plasticity: Plasticity, dt: f32) {
-    let mut shown = Vec::new();
-    for g in 0..groups.len() {
-        let row = groups.rows[g] as usize..groups.rows[g + 1] as usize;
-        let members = &groups.members[row.clone()];
-        if groups.held.get(members[0] as usize).is_some_and(|&held| held) {
+/// The made offsets are those of `pose`, the one that the groups were last given, or the default. Edges have to creep along, or they pull back: [`creep_edges`]. Allocates the first time that something flows.
+pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, pose: &RestPose, plasticity: Plasticity, dt: f32) {
+    if plasticity.share(f32::INFINITY, dt) <= 0.0 {
+        return;
+    }
+    let ImplicitGroups { rows, members, rest, rotation, held, rest_rotation, flow, ways, moment, .. } = groups;
+    for (g, ends) in rows.windows(2).enumerate() {
+        let row = ends[0] as usize..ends[1] as usize;
+        let group = Group { members: &members[row.clone()], moment, turned: rest_rotation, particles };
+        let main = group.members[0];
+        if held.get(main as usize).is_some_and(|&held| held) {
             continue;
         }
-        show(members, &groups.rest[row.clone()], &groups.moment, particles, groups.rotation[g], &mut shown);
-        let rest = &mut groups.rest[row];
-        let share = plasticity.share(strain(members, &shown, rest, particles), dt);
+        let (rest, shown) = (&mut rest[row.clone()], &mut ways[..row.len()]);
+        // The rotation that fits best shows the least strain: below the yield by the last one found is below it by any better.
+        group.show(rest, rotation[g], shown);
+        if plasticity.share(group.strain(shown, rest), dt) <= 0.0 {
+            continue;
+        }
+        group.show(rest, group.fit(rest, rotation[g]), shown);
+        let share = plasticity.share(group.strain(shown, rest), dt);
         if share > 0.0 {
-            for (r, &s) in rest.iter_mut().zip(&shown) {
+            for (r, &s) in rest.iter_mut().zip(&*shown) {
                 *r += (s - *r) * share;
             }
-            tame(members, rest, &groups.moment, particles, 1.0, plasticity.maximum);
+            let (center, size) = (pose.center(particles, group.members), pose.size(main));
+            let made = |i| (pose.place(particles, i) - center) * size;
+            group.tame(rest, made, plasticity.maximum);
+            flow.resize(members.len(), Vec3A::ZERO);
+            let back = rest_rotation.get(main as usize).map_or(Quat::IDENTITY, |q| q.inverse());
+            for ((f, &r), &i) in flow[row].iter_mut().zip(&*rest).zip(group.members) {
+                *f = back * (r - made(i));
+            }
         }
     }
 }
 
-/// Lets the rest lengths of edges creep towards their lengths, in a step or substep of `dt` \[s\], within the maximum of what they were made with.
-pub fn creep_edges(edges: &mut Edges, particles: &Particles, plasticity: Plasticity, dt: f32) {
-    for (&[i, j], rest) in edges.pairs.iter().zip(&mut edges.rest_length) {
-        let (i, j) = (i as usize, j as usize);
-        let made = particles.rest_position[i].distance(particles.rest_position[j]);
-        let length = particles.position[i].distance(particles.position[j]);
+/// Lets the rest lengths of edges creep towards their lengths, in a step or substep of `dt` \[s\], within the maximum of what they have in `pose`. Allocates the first time that something flows.
+pub fn creep_edges(edges: &mut Edges, particles: &Particles, pose: &RestPose, plasticity: Plasticity, dt: f32) {
+    for e in 0..edges.pairs.len() {
+        let pair = edges.pairs[e];
+        let rest = &mut edges.rest_length[e];
+        if edges.held.get(e).is_some_and(|&held| held) {
+            continue;
+        }
+        let length = particles.position[pair[0] as usize].distance(particles.position[pair[1] as usize]);
         let share = plasticity.share((length - *rest).abs() / *rest, dt);
-        if share > 0.0 && length.is_finite() {
+        let made = pose.length(particles, pair);
+        if share > 0.0 && length.is_finite() && made > 0.0 {
             let maximum = plasticity.maximum.max(0.0);
             *rest = (*rest + (length - *rest) * share).clamp(made * (1.0 - maximum).max(0.01), made * (1.0 + maximum));
+            edges.flow.resize(edges.pairs.len(), 1.0);
+            edges.flow[e] = *rest / made;
         }
     }
 }
@@ -70,87 +92,102 @@ impl ExplicitGroups {
     pub(crate) fn keep_dent(&mut self, g: usize, particles: &Particles) {
         let Some(d) = self.deformable[g] else { return };
         let row = self.row(g);
-        let mut shown = Vec::new();
-        let members = &self.shape.members[row.clone()];
-        show(members, &self.shape.rest[row.clone()], &self.shape.moment, particles, self.shape.rotation[g], &mut shown);
-        let rest = &mut self.shape.rest[row];
-        rest.copy_from_slice(&shown);
-        tame(members, rest, &self.shape.moment, particles, self.scale[g], d.dent);
+        let group = Group { members: &self.shape.members[row.clone()], moment: &self.shape.moment, turned: &[], particles };
+        let (rest, shown) = (&mut self.shape.rest[row.clone()], &mut self.shape.ways[..row.len()]);
+        let rotation = group.fit(rest, self.shape.rotation[g]);
+        group.show(rest, rotation, shown);
+        rest.copy_from_slice(shown);
+        let (center, scale) = (RestPose::default().center(particles, group.members), self.scale[g]);
+        group.tame(rest, |i| (particles.rest_position[i as usize] - center) * scale, d.dent);
     }
 }
 
-/// Where the members are about their centre, turned back by the group's rotation.
-fn show(members: &[u32], rest: &[Vec3A], moment: &[Mat3A], particles: &Particles, guess: Quat, shown: &mut Vec<Vec3A>) {
-    let (mut center, mut rest_center, mut mass) = (Vec3A::ZERO, Vec3A::ZERO, 0.0);
-    for (&i, &r) in members.iter().zip(rest) {
-        let m = particles.mass[i as usize];
-        center += particles.position[i as usize] * m;
-        rest_center += r * m;
-        mass += m;
-    }
-    center /= mass;
-    rest_center /= mass;
-    let mut a = Mat3A::ZERO;
-    for (&i, &r) in members.iter().zip(rest) {
-        let i = i as usize;
-        let (d, r) = ((particles.position[i] - center) * particles.mass[i], r - rest_center);
-        a += Mat3A::from_quat(particles.rotation[i]) * moment[i] + Mat3A::from_cols(d * r.x, d * r.y, d * r.z);
-    }
-    let back = extract_rotation(a, guess).inverse();
-    shown.clear();
-    shown.extend(members.iter().map(|&i| back * (particles.position[i as usize] - center)));
+/// The members of one group, with the moments of all particles and how they are turned in the rest pose.
+struct Group<'a> {
+    members: &'a [u32],
+    moment: &'a [Mat3A],
+    turned: &'a [Quat],
+    particles: &'a Particles,
 }
 
-/// Root mean square distance of `a` from `b` over the size of `b`, by mass. Zero for a group without extent.
-fn strain(members: &[u32], a: &[Vec3A], b: &[Vec3A], particles: &Particles) -> f32 {
-    let (mut way, mut size) = (0.0, 0.0);
-    for ((&i, &a), &b) in members.iter().zip(a).zip(b) {
-        let m = particles.mass[i as usize];
-        way += m * a.distance_squared(b);
-        size += m * b.length_squared();
+impl Group<'_> {
+    /// Their mass, centre of mass and that of their rest offsets.
+    fn centers(&self, rest: &[Vec3A]) -> (f32, Vec3A, Vec3A) {
+        let (mut center, mut rest_center, mut mass) = (Vec3A::ZERO, Vec3A::ZERO, 0.0);
+        for (&i, &r) in self.members.iter().zip(rest) {
+            let m = self.particles.mass[i as usize];
+            center += self.particles.position[i as usize] * m;
+            rest_center += r * m;
+            mass += m;
+        }
+        (mass, center / mass, rest_center / mass)
     }
-    if size > 0.0 { (way / size).sqrt() } else { 0.0 }
-}
 
-/// Gives the rest offsets the volume they were made with, and draws them within `maximum` of that shape.
-fn tame(members: &[u32], rest: &mut [Vec3A], moment: &[Mat3A], particles: &Particles, scale: f32, maximum: f32) {
-    let mut center = Vec3A::ZERO;
-    let mut mass = 0.0;
-    for &i in members {
-        center += particles.rest_position[i as usize] * particles.mass[i as usize];
-        mass += particles.mass[i as usize];
+    /// The rotation from the rest offsets to where the members are, as in [`match_shapes`](crate::match_shapes).
+    fn fit(&self, rest: &[Vec3A], guess: Quat) -> Quat {
+        let (_, center, rest_center) = self.centers(rest);
+        let p = self.particles;
+        let mut a = Mat3A::ZERO;
+        for (&i, &r) in self.members.iter().zip(rest) {
+            let i = i as usize;
+            let (d, r) = ((p.position[i] - center) * p.mass[i], r - rest_center);
+            let spin = Mat3A::from_quat(p.rotation[i]) * self.moment[i];
+            a += self.turned.get(i).map_or(spin, |&bar| spin * Mat3A::from_quat(bar).transpose());
+            a += Mat3A::from_cols(d * r.x, d * r.y, d * r.z);
+        }
+        extract_rotation(a, guess)
     }
-    center /= mass;
-    let made = |i: u32| (particles.rest_position[i as usize] - center) * scale;
-    // F = (Σ m·r·mᵀ + B)·(Σ m·m·mᵀ + B)⁻¹, in f64 because sheets and rows make both nearly singular.
-    let (mut a, mut b) = (DMat3::ZERO, DMat3::ZERO);
-    for (&i, r) in members.iter().zip(&*rest) {
-        let m = f64::from(particles.mass[i as usize]);
-        let (r, o, spin) = (r.as_dvec3() * m, made(i).as_dvec3(), moment[i as usize].as_dmat3());
-        a += spin + DMat3::from_cols(r * o.x, r * o.y, r * o.z);
-        b += spin + DMat3::from_cols(o * (m * o.x), o * (m * o.y), o * (m * o.z));
+
+    /// Where the members are about the centre of their rest offsets, turned back by `rotation`.
+    fn show(&self, rest: &[Vec3A], rotation: Quat, shown: &mut [Vec3A]) {
+        let (_, center, rest_center) = self.centers(rest);
+        let back = rotation.inverse();
+        for (s, &i) in shown.iter_mut().zip(self.members) {
+            *s = back * (self.particles.position[i as usize] - center) + rest_center;
+        }
     }
-    let trace = b.x_axis.x + b.y_axis.y + b.z_axis.z;
-    let floor = DMat3::from_diagonal(DVec3::splat(1e-6 * trace));
-    let volume = (a + floor).determinant() / (b + floor).determinant();
-    // A shape turned inside out, or flattened to a tenth, has no volume to be normalised.
-    let size = if volume > 0.1 && volume < 10.0 { 1.0 / libm::cbrt(volume) as f32 } else { 1.0 };
-    for r in &mut *rest {
-        *r *= size;
+
+    /// Root mean square distance of `a` from `b` over the size of `b`, by mass. Zero for a group without extent.
+    fn strain(&self, a: &[Vec3A], b: &[Vec3A]) -> f32 {
+        let (mut way, mut size) = (0.0, 0.0);
+        for ((&i, &a), &b) in self.members.iter().zip(a).zip(b) {
+            let m = self.particles.mass[i as usize];
+            way += m * a.distance_squared(b);
+            size += m * b.length_squared();
+        }
+        if size > 0.0 { (way / size).sqrt() } else { 0.0 }
     }
-    let (mut way, mut extent) = (0.0, 0.0);
-    for (&i, r) in members.iter().zip(&*rest) {
-        let m = particles.mass[i as usize];
-        way += m * r.distance_squared(made(i));
-        extent += m * made(i).length_squared();
-    }
-    let limit = maximum.max(0.0);
-    let over = if extent > 0.0 { (way / extent).sqrt() } else { 0.0 };
-    if over > limit || over.is_nan() {
-        let keep = if over.is_finite() { limit / over } else { 0.0 };
-        for (&i, r) in members.iter().zip(&mut *rest) {
-            let made = made(i);
-            *r = if keep > 0.0 { made + (*r - made) * keep } else { made };
+
+    /// Gives the rest offsets the volume of the `made` ones, and draws them within `maximum` of those.
+    fn tame(&self, rest: &mut [Vec3A], made: impl Fn(u32) -> Vec3A, maximum: f32) {
+        // F = (Σ m·r·mᵀ + B)·(Σ m·m·mᵀ + B)⁻¹, in f64 because sheets and rows make both nearly singular.
+        let (mut a, mut b) = (DMat3::ZERO, DMat3::ZERO);
+        for (&i, r) in self.members.iter().zip(&*rest) {
+            let m = f64::from(self.particles.mass[i as usize]);
+            let (r, o, spin) = (r.as_dvec3() * m, made(i).as_dvec3(), self.moment[i as usize].as_dmat3());
+            a += spin + DMat3::from_cols(r * o.x, r * o.y, r * o.z);
+            b += spin + DMat3::from_cols(o * (m * o.x), o * (m * o.y), o * (m * o.z));
+        }
+        let trace = b.x_axis.x + b.y_axis.y + b.z_axis.z;
+        let floor = DMat3::from_diagonal(DVec3::splat(1e-6 * trace));
+        let volume = (a + floor).determinant() / (b + floor).determinant();
+        // A shape turned inside out, or flattened to a tenth, has no volume to be normalised.
+        let size = if volume > 0.1 && volume < 10.0 { 1.0 / libm::cbrt(volume) as f32 } else { 1.0 };
+        let (mut way, mut extent) = (0.0, 0.0);
+        for (&i, r) in self.members.iter().zip(&mut *rest) {
+            *r *= size;
+            let (m, made) = (self.particles.mass[i as usize], made(i));
+            way += m * r.distance_squared(made);
+            extent += m * made.length_squared();
+        }
+        let limit = maximum.max(0.0);
+        let over = if extent > 0.0 { (way / extent).sqrt() } else { 0.0 };
+        if over > limit || over.is_nan() {
+            let keep = if over.is_finite() { limit / over } else { 0.0 };
+            for (&i, r) in self.members.iter().zip(&mut *rest) {
+                let made = made(i);
+                *r = if keep > 0.0 { made + (*r - made) * keep } else { made };
+            }
         }
     }
 }
@@ -181,8 +218,8 @@ mod tests {
                     }
                 }
                 if let Some(plasticity) = plasticity {
-                    creep_shapes(&mut implicit, &p, plasticity, dt);
-                    creep_edges(&mut edges, &p, plasticity, dt);
+                    creep_shapes(&mut implicit, &p, &RestPose::default(), plasticity, dt);
+                    creep_edges(&mut edges, &p, &RestPose::default(), plasticity, dt);
                 }
                 integrate(&mut p, dt, 4.0);
             }
@@ -206,12 +243,12 @@ mod tests {
         }
         let mut implicit = ImplicitGroups::new(&rest, &edges);
         let before = implicit.clone();
-        creep_shapes(&mut implicit, &p, Plasticity { yield_strain: 1.0, creep: 10.0, maximum: 0.5 }, 0.1);
-        assert_eq!(implicit, before);
+        creep_shapes(&mut implicit, &p, &RestPose::default(), Plasticity { yield_strain: 1.0, creep: 10.0, maximum: 0.5 }, 0.1);
+        assert_eq!((&implicit.rest, &implicit.flow), (&before.rest, &Vec::new()));
         for (maximum, expected) in [(0.5, 0.35..0.5), (0.05, 0.045..0.052)] {
             let mut implicit = before.clone();
             for _ in 0..50 {
-                creep_shapes(&mut implicit, &p, Plasticity { yield_strain: 0.05, creep: 10.0, maximum }, 0.1);
+                creep_shapes(&mut implicit, &p, &RestPose::default(), Plasticity { yield_strain: 0.05, creep: 10.0, maximum }, 0.1);
             }
             let (way, size) = implicit
                 .rest
@@ -225,7 +262,7 @@ mod tests {
         let mut edges = edges;
         let made = edges.rest_length.clone();
         for _ in 0..100 {
-            creep_edges(&mut edges, &p, Plasticity { yield_strain: 0.05, creep: 10.0, maximum: 0.2 }, 0.1);
+            creep_edges(&mut edges, &p, &RestPose::default(), Plasticity { yield_strain: 0.05, creep: 10.0, maximum: 0.2 }, 0.1);
         }
         assert!(edges.rest_length.iter().zip(&made).all(|(a, b)| a / b < 1.2001 && a / b > 0.7999));
         assert!(edges.rest_length.iter().zip(&made).any(|(a, b)| a / b > 1.19));

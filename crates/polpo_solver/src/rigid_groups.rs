@@ -154,7 +154,13 @@ pub fn predict_explicit(groups: &mut ExplicitGroups, particles: &mut Particles, 
 /// *Soft*: as [`match_shapes`](crate::match_shapes), with the group's stiffness, and its angular momentum is restored afterwards; a shared particle is pulled by one group after the other.
 pub fn match_explicit_groups(groups: &mut ExplicitGroups, particles: &mut Particles, sweep: Sweep) {
     match_soft_groups(groups, particles, sweep);
-    let time = f64::from(sweep.dt);
+    hold_explicit_groups(groups, particles, sweep.dt);
+}
+
+/// The rigid half of [`match_explicit_groups`]: for what moves members outside the sweeps, a hand or the restoring of angular momentum, in a substep of `dt` \[s\]. To be called before contacts are solved,
+/// since [`land_explicit_groups`](crate::land_explicit_groups) takes everything that it finds changed for a contact's doing.
+pub fn hold_explicit_groups(groups: &mut ExplicitGroups, particles: &mut Particles, dt: f32) {
+    let time = f64::from(dt);
     for g in 0..groups.len() {
         if groups.bodies[g].acting && is_touched(groups, particles, g) {
             read(groups, particles, g, false);
@@ -176,7 +182,7 @@ pub(crate) fn finish(groups: &mut ExplicitGroups, particles: &mut Particles, dt:
     }
 }
 
-/// Finds out which groups are rigid now, who shares which particle, and what is pinned; makes the joints anew if any of that has changed.
+/// Finds out which groups are rigid now, who shares which particle, what it weighs and what is pinned; makes the joints anew if any of that has changed. That allocates; a substep that changes nothing does not.
 fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
     let mut same = true;
     for g in 0..groups.len() {
@@ -186,13 +192,15 @@ fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
         for k in groups.row(g) {
             let i = groups.shape.members[k] as usize;
             let pinned = [particles.inverse_mass[i] == 0.0, particles.inverse_inertia[i] == 0.0];
-            same &= groups.held[k].pinned == pinned;
-            groups.held[k].pinned = pinned;
+            let held = &mut groups.held[k];
+            same &= held.pinned == pinned && (!acting || held.mass == particles.mass[i] / held.sharers.max(1) as f32);
+            held.pinned = pinned;
         }
     }
     if same {
         return;
     }
+    groups.revision = groups.revision.wrapping_add(1);
     let mut sharers = vec![0u32; particles.len()];
     for g in (0..groups.len()).filter(|&g| groups.bodies[g].acting) {
         for k in groups.row(g) {
@@ -268,9 +276,6 @@ pub(crate) fn read(groups: &mut ExplicitGroups, particles: &Particles, g: usize,
             a += (Mat3A::from_quat(q[i]) * shape.moment[i]).as_dmat3();
         }
     }
-    // A needle of points without spin does not resist turning about itself: 10⁻¹² of the rest does, so that there is an inverse. (More would show: it is lost from L each time.)
-    let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
-    inertia += DMat3::from_diagonal(DVec3::splat(1e-12 * trace));
     let guess = body.end.rotation;
     let rotation = refine(
         a,
@@ -280,7 +285,7 @@ pub(crate) fn read(groups: &mut ExplicitGroups, particles: &Particles, g: usize,
     body.mass = mass;
     body.rest_center = rest_center;
     body.inertia = inertia;
-    body.inverse_inertia = invert(inertia);
+    body.inverse_inertia = invert_inertia(inertia);
     body.linear = linear;
     body.angular = angular;
     let pose = Pose { center, rotation };
@@ -290,6 +295,22 @@ pub(crate) fn read(groups: &mut ExplicitGroups, particles: &Particles, g: usize,
     } else {
         body.end = pose;
     }
+}
+
+/// J⁻¹, and for a needle of points without spin, which resists every turn but the one about itself, (J + t·n·nᵀ)⁻¹ − n·nᵀ/t with n along it and t the trace: it does not turn about itself. A little
+/// inertia instead would let what rounding makes of L along n spin it ever faster. No other body of masses has a singular J, but a point, which gets zero.
+fn invert_inertia(j: DMat3) -> DMat3 {
+    let trace = j.x_axis.x + j.y_axis.y + j.z_axis.z;
+    // Columns of the adjugate, all along n if J·n = 0.
+    let adjugate = [j.y_axis.cross(j.z_axis), j.z_axis.cross(j.x_axis), j.x_axis.cross(j.y_axis)];
+    if adjugate[0].dot(j.x_axis) > 1e-9 * trace * trace * trace {
+        return invert(j);
+    }
+    let n = adjugate.into_iter().fold(DVec3::ZERO, |best, c| if c.length_squared() > best.length_squared() { c } else { best });
+    let n = n.normalize_or_zero();
+    let along = DMat3::from_cols(n * n.x, n * n.y, n * n.z);
+    let inverse = invert(j + along * trace) - along * (1.0 / trace);
+    if inverse.is_finite() { inverse } else { DMat3::ZERO }
 }
 
 /// The rotation of polar(A) to the digits of `f64`, from `found`, its value in `f32`, or from `guess` if that is as near: Newton's steps as in [`extract_rotation`]. What A leaves open is left alone.

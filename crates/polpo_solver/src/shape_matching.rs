@@ -31,6 +31,8 @@ const PINNED: f32 = 1000.0;
 /// and sheets, whose positions alone leave rotations open. Linear momentum is kept because Σ m_i·(x̄_i − c̄) = 0; what rounding leaves of
 /// that sum is taken off again, or a stiff body would push itself through space by the last bit of its coordinates.
 ///
+/// In a [`RestPose`](crate::RestPose) that turns particles by R̄_i, x̄ is the place there, the spin term R_i·B_i·R̄_iᵀ = ∫ (R_i·ȳ)·(R̄_i·ȳ)ᵀ dm, and members turn towards R·R̄_i.
+///
 /// With a damping ratio, what differs from the group's rigid motion in the substep so far (its momentum, spin included, divided by its mass and inertia) counts as the change of the error. With
 /// several sweeps, what a group has moved each member before in this substep counts against it: see [`Share`](crate::Share).
 ///
@@ -76,7 +78,10 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
         for (&i, &r) in members.iter().zip(rest) {
             let i = i as usize;
             let weight = if w[i] == 0.0 { PINNED } else { 1.0 };
-            let spin = Mat3A::from_quat(q[i]) * groups.moment[i];
+            let mut spin = Mat3A::from_quat(q[i]) * groups.moment[i];
+            if let Some(&bar) = groups.rest_rotation.get(i) {
+                spin *= Mat3A::from_quat(bar).transpose();
+            }
             a += if inverse_inertia[i] == 0.0 { spin * PINNED } else { spin };
             let d = (x[i] - center) * (mass[i] * weight);
             let r = r - rest_center;

@@ -45,9 +45,7 @@ fn restore(groups: &ExplicitGroups, particles: &mut Particles, g: usize, before:
         for &i in members {
             let i = i as usize;
             particles.velocity[i] += omega.cross(particles.position[i] - center);
-            if !groups.shape.unoriented[i] {
-                particles.angular_velocity[i] += omega;
-            }
+            particles.angular_velocity[i] += omega;
         }
     }
 }
@@ -64,22 +62,20 @@ fn center(groups: &ExplicitGroups, particles: &Particles, g: usize) -> (DVec3, D
     (center / mass, velocity / mass)
 }
 
-/// Angular momentum and inertia of group `g` about its centre, with the spin of what it turns.
+/// Angular momentum and inertia of group `g` about its centre, with the spin of all members, that of joints too: else a group of two joints could not take what is lost about the line through them.
 fn turning(groups: &ExplicitGroups, particles: &Particles, g: usize) -> (DVec3, DMat3) {
     let (center, velocity) = center(groups, particles, g);
     let (mut angular, mut inertia) = (DVec3::ZERO, DMat3::ZERO);
     for &i in groups.members(g) {
         let i = i as usize;
         let m = f64::from(particles.mass[i]);
-        let spin = if groups.shape.unoriented[i] { 0.0 } else { f64::from(particles.inertia[i]) };
+        let spin = f64::from(particles.inertia[i]);
         let r = particles.position[i].as_dvec3() - center;
         angular += r.cross(particles.velocity[i].as_dvec3() - velocity) * m + particles.angular_velocity[i].as_dvec3() * spin;
         inertia += DMat3::from_diagonal(DVec3::splat(m * r.length_squared() + spin));
         inertia -= DMat3::from_cols(r * (m * r.x), r * (m * r.y), r * (m * r.z));
     }
-    // A row of points has no inertia about itself, and no spin there either.
-    let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
-    (angular, inertia + DMat3::from_diagonal(DVec3::splat(1e-9 * trace)))
+    (angular, inertia)
 }
 
 /// Reads a soft group as if it were rigid, for its motor.

@@ -4,7 +4,7 @@ use crate::{Edges, Particles, Shares, Sweep, quat_log};
 
 /// Turns the two ends of every edge towards each other, by the share of the twist about the edge between them.
 ///
-/// With θ = log(q_j·q_i⁻¹) the relative rotation and e the edge's direction, the twist is θ·e. Ends turn by Δθ_i = +w_i/(w_i + w_j)·δ·e and Δθ_j the opposite, w the inverse spin inertias, both from
+/// With θ = log(q_j·q_i⁻¹) the relative rotation (of rotations since the rest pose, if there is a [`RestPose`](crate::RestPose)) and e the edge's direction, the twist is θ·e. Ends turn by Δθ_i = +w_i/(w_i + w_j)·δ·e and Δθ_j the opposite, w the inverse spin inertias, both from
 /// the same relative rotation, with δ from the twist, its change (ω_j − ω_i)·e·Δt and the multiplier as [`Share`](crate::Share) says: I_i·Δθ_i + I_j·Δθ_j = 0, so spin is conserved. (Two slerps one after
 /// the other, where the second sees the first's result, are not: they create 15° of net spin out of a 60° difference.) Bending is the groups' business and is left alone. An edge of zero length has no
 /// axis and is skipped, and so is one with both ends' orientations pinned.
@@ -19,13 +19,14 @@ pub fn solve_torsion(edges: &mut Edges, particles: &mut Particles, shares: Share
         let d = particles.position[j] - particles.position[i];
         let length2 = d.length_squared();
         let (wi, wj) = (particles.inverse_inertia[i], particles.inverse_inertia[j]);
-        if !(length2 > 0.0 && wi + wj > 0.0) {
+        if !(length2 > 0.0 && wi + wj > 0.0) || edges.held.get(e).is_some_and(|&held| held) {
             continue;
         }
         let share = shares.of(edges.input[e] as usize);
         let q = &particles.rotation;
         let length = length2.sqrt();
-        let mut turn = share.stiffness * quat_log(q[j] * q[i].inverse()).dot(d) / length;
+        let relative = edges.rest_turn.get(e).map_or(q[j], |&rest| q[j] * rest) * q[i].inverse();
+        let mut turn = share.stiffness * quat_log(relative).dot(d) / length;
         if share.damping > 0.0 {
             turn += share.damping * sweep.dt * d.dot(particles.angular_velocity[j] - particles.angular_velocity[i]) / length;
         }

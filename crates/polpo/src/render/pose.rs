@@ -118,7 +118,7 @@ mod tests {
         // A quarter turn about z, written the long way round.
         let half = core::f32::consts::FRAC_1_SQRT_2;
         particles.0.rotation[0] = -Quat::from_xyzw(0.0, 0.0, half, half);
-        let start = StepStart { position: vec![Vec3A::ZERO], rotation: vec![Quat::IDENTITY] };
+        let start = StepStart { position: vec![Vec3A::ZERO], rotation: vec![Quat::IDENTITY], ..default() };
         let (position, rotation) = Pose::between(&particles, Some(&start), 0.5).particle(0);
         assert_eq!(position, Vec3A::X * 0.5);
         let eighth = rotation * Vec3::X;

@@ -1,0 +1,160 @@
+//! Which of many boxes meet.
+
+use glam::Vec3A;
+
+/// An axis-aligned box \[m\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Its least corner.
+    pub min: Vec3A,
+    /// Its greatest corner.
+    pub max: Vec3A,
+}
+
+impl Bounds {
+    /// The box of nothing, which meets none; grow it by [`include`](Self::include).
+    pub const NOTHING: Self = Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY };
+
+    /// The box of a ball of `radius` on its way from `from` to `to`.
+    #[inline]
+    pub fn of_swept_ball(from: Vec3A, to: Vec3A, radius: f32) -> Self {
+        Self { min: from.min(to) - radius, max: from.max(to) + radius }
+    }
+
+    /// Grows to hold `other` too.
+    #[inline]
+    pub fn include(&mut self, other: &Self) {
+        self.min = self.min.min(other.min);
+        self.max = self.max.max(other.max);
+    }
+
+    /// Whether the two have a point in common. A box that is not finite meets none.
+    #[inline]
+    pub fn meets(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && self.max.cmpge(other.min).all()
+    }
+
+    /// Whether all its numbers are.
+    #[inline]
+    pub fn is_finite(&self) -> bool {
+        self.min.is_finite() && self.max.is_finite()
+    }
+}
+
+/// Sort and sweep: the boxes are sorted by where they begin along the axis on which they are spread out most, and each is compared with those that begin before it ends.
+///
+/// Nothing depends on the boxes' sizes or on how far apart they are, as the cells of a grid would; a thousand boxes in a heap cost about as much as a grid's. Sorted by place and index, so the same
+/// boxes give the same pairs in the same order. Reuse it: a warmed-up search allocates nothing.
+#[derive(Clone, Debug, Default)]
+pub struct BroadPhase {
+    /// Beginnings along the axis, as integers of the same order, and indices.
+    order: Vec<(i32, u32)>,
+    sorted: Vec<Bounds>,
+}
+
+impl BroadPhase {
+    /// Calls `meet` with the indices of every two boxes that meet, the smaller first, until it says no. Boxes that are not finite are left out.
+    pub fn pairs(&mut self, boxes: &[Bounds], mut meet: impl FnMut(u32, u32) -> bool) {
+        let axis = widest_axis(boxes);
+        self.order.clear();
+        self.order.extend((0u32..).zip(boxes).filter(|(_, b)| b.is_finite()).map(|(i, b)| (ordered(b.min[axis]), i)));
+        self.order.sort_unstable();
+        self.sorted.clear();
+        self.sorted.extend(self.order.iter().map(|&(_, i)| boxes[i as usize]));
+        for (k, first) in self.sorted.iter().enumerate() {
+            let (i, end) = (self.order[k].1, first.max[axis]);
+            for (other, &(_, j)) in self.sorted[k + 1..].iter().zip(&self.order[k + 1..]) {
+                if other.min[axis] > end {
+                    break;
+                }
+                if first.meets(other) && !meet(i.min(j), i.max(j)) {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// The axis on which the boxes' middles are spread out most.
+fn widest_axis(boxes: &[Bounds]) -> usize {
+    let (mut sum, mut squares, mut count) = (Vec3A::ZERO, Vec3A::ZERO, 0.0);
+    for b in boxes.iter().filter(|b| b.is_finite()) {
+        let middle = 0.5 * b.min + 0.5 * b.max;
+        sum += middle;
+        squares += middle * middle;
+        count += 1.0;
+    }
+    let spread = squares - sum * sum / count;
+    // Also for spreads beyond what f32 holds: then any axis will do.
+    if spread.x >= spread.y && spread.x >= spread.z {
+        0
+    } else if spread.y >= spread.z {
+        1
+    } else {
+        2
+    }
+}
+
+/// An integer that sorts like the number; −0 comes right before 0.
+#[inline]
+fn ordered(x: f32) -> i32 {
+    let bits = x.to_bits() as i32;
+    bits ^ (((bits >> 31) as u32) >> 1) as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+
+    fn pairs(boxes: &[Bounds]) -> Vec<(u32, u32)> {
+        let mut found = Vec::new();
+        BroadPhase::default().pairs(boxes, |i, j| {
+            found.push((i, j));
+            true
+        });
+        found.sort_unstable();
+        found
+    }
+
+    /// Sizes from 1 to 100, in three shapes of heap, some of it not finite.
+    #[test]
+    fn it_finds_what_comparing_all_with_all_finds() {
+        let mut random = Random(1);
+        let mut met = 0;
+        for stretch in [Vec3A::ONE, Vec3A::new(20.0, 1.0, 0.0), Vec3A::new(0.0, 0.0, 1e30)] {
+            let boxes: Vec<Bounds> = (0..300)
+                .map(|i| {
+                    let at = random.vector() * 10.0 * stretch;
+                    let radius = if i % 50 == 0 { 5.0 } else { 0.05 + random.signed().abs() };
+                    let at = if i % 97 == 5 { at / 0.0 } else { at };
+                    Bounds::of_swept_ball(at, at + random.vector(), radius)
+                })
+                .collect();
+            let mut expected = Vec::new();
+            for j in 0..boxes.len() {
+                for i in 0..j {
+                    if boxes[i].is_finite() && boxes[j].is_finite() && boxes[i].meets(&boxes[j]) {
+                        expected.push((i as u32, j as u32));
+                    }
+                }
+            }
+            expected.sort_unstable();
+            met += expected.len();
+            assert_eq!(pairs(&boxes), expected);
+        }
+        assert!(met > 300, "{met}");
+        assert!(pairs(&[]).is_empty());
+    }
+
+    #[test]
+    fn it_stops_when_told() {
+        let boxes = [Bounds::of_swept_ball(Vec3A::ZERO, Vec3A::ZERO, 1.0); 5];
+        let mut calls = 0;
+        BroadPhase::default().pairs(&boxes, |_, _| {
+            calls += 1;
+            calls < 3
+        });
+        assert_eq!(calls, 3);
+    }
+}

@@ -1,0 +1,365 @@
+//! Pairs of particles that may touch in one step, and how they are found.
+
+use glam::Vec3A;
+
+use crate::ellipsoid_pair::{EllipsoidPair, FLATTEST};
+use crate::{Bounds, BroadPhase, Particles};
+
+/// Two particles that may touch in this step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pair {
+    /// Their indices: in one body the smaller first; of two bodies the first's first.
+    pub particles: [u32; 2],
+    /// Unit normal from the first to the second when they were last looked at.
+    pub normal: Vec3A,
+    /// The normal impulse of the last substep \[N·s\]; written by the solver.
+    pub impulse: f32,
+    /// The greatest speed at which their surfaces met in this step \[m/s\], 0 if they did not; written by the solver.
+    pub closing_speed: f32,
+    /// Whether they touched in this step; written by the solver.
+    pub touching: bool,
+    /// The friction impulse of the running substep \[N·s\].
+    pub(crate) friction: Vec3A,
+    /// How far apart their centres can be when they touch \[m\].
+    pub(crate) reach: f32,
+    /// How near their centres can be when they touch \[m\].
+    pub(crate) thickness: f32,
+    /// Whether both are spheres.
+    pub(crate) round: bool,
+    /// Whether `normal` is that of a moment ago, rather than a guess.
+    pub(crate) known: bool,
+}
+
+impl Pair {
+    fn new(i: u32, j: u32, a: &Particles, b: &Particles, d: Vec3A) -> Self {
+        let (ra, rb) = (a.radii[i as usize], b.radii[j as usize]);
+        let least = |r: Vec3A| r.min_element().max(FLATTEST * r.max_element());
+        let round = |r: Vec3A| r.max_element() - r.min_element() <= 1e-5 * r.max_element();
+        Self {
+            particles: [i, j],
+            normal: d.try_normalize().unwrap_or(Vec3A::X),
+            impulse: 0.0,
+            closing_speed: 0.0,
+            touching: false,
+            friction: Vec3A::ZERO,
+            reach: ra.max_element() + rb.max_element(),
+            thickness: least(ra) + least(rb),
+            round: round(ra) && round(rb),
+            known: false,
+        }
+    }
+}
+
+/// The pairs of one body with itself, or of two bodies, found once a step. Reuse it: a warmed-up step allocates nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pairs {
+    /// In the order in which they are solved: by their indices.
+    pub list: Vec<Pair>,
+    /// The way out of an overlap of whole bodies that nobody's motion made, from the first to the second; `None` as long as they touch at their skins only. While it is there, what overlaps is pushed
+    /// apart along it, rather than each pair along its own normal, which would lock two lattices into each other.
+    pub way_out: Option<Vec3A>,
+}
+
+/// Two particles' indices, as a number that sorts like them.
+fn key(i: u32, j: u32) -> u64 {
+    u64::from(i) << 32 | u64::from(j)
+}
+
+/// What the search for pairs needs to know of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairSearch {
+    /// Length of the step \[s\].
+    pub dt: f32,
+    /// How much faster a particle may get within the step than it is at its start, relative to another \[m/s\]: gravity's share, as a rule.
+    pub gain: f32,
+}
+
+/// The pairs of a body that never count as touching: those joined by an edge, those that overlap at rest or all but do, and those that have a neighbour in common and are nearer at rest than the smaller one's radius.
+/// What is joined that closely is held apart by the body's stiffness; a contact on top would only quarrel with it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RestPairs {
+    /// Particle i's partners j > i, sorted, are `partners[rows[i]..rows[i + 1]]`.
+    rows: Vec<u32>,
+    partners: Vec<u32>,
+}
+
+/// So many particles of a body overlap at rest that self-contact would have nothing to hold apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{pairs} or more pairs of its {particles} particles overlap at rest")]
+pub struct TooDense {
+    /// How many pairs were found before the search was given up.
+    pub pairs: usize,
+    /// How many particles there are.
+    pub particles: usize,
+}
+
+/// Gaps at rest up to this share of the smaller one's radius count as an overlap: what all but touches at rest would touch for ever.
+const NEARLY: f32 = 0.1;
+/// Pairs are looked for within this share of the smaller particle's radius.
+const SLACK: f32 = 0.25;
+/// At most this many pairs a particle, on average, are kept: the rest of a body that has collapsed into a point must not fill the memory.
+const MOST: usize = 64;
+/// An overlap deeper than this share of the pair's thickness, at first sight, was not made by motion.
+const SUDDEN: f32 = 0.1;
+/// Overlaps not deeper than this share of the thickness are skin on skin again.
+const SKIN: f32 = 0.05;
+
+impl RestPairs {
+    /// For a body of `particles` with the edges `edges`; an edge to a particle that does not exist is ignored.
+    ///
+    /// # Errors
+    ///
+    /// If more than 256 pairs a particle (and more than half a million) overlap at rest.
+    pub fn new(particles: &Particles, edges: &[[u32; 2]]) -> Result<Self, TooDense> {
+        let n = particles.len();
+        let most = (256 * n).max(500_000);
+        let boxes: Vec<Bounds> = (0..n)
+            .map(|i| {
+                let x = particles.rest_position[i];
+                Bounds::of_swept_ball(x, x, 1.5 * particles.radii[i].max_element())
+            })
+            .collect();
+        let mut keys: Vec<u64> = edges.iter().map(|&[i, j]| key(i.min(j), i.max(j))).collect();
+        let mut both_ways: Vec<(u32, u32)> = edges.iter().flat_map(|&[i, j]| [(i, j), (j, i)]).collect();
+        both_ways.sort_unstable();
+        let neighbours = |i: u32| {
+            let from = both_ways.partition_point(|&(a, _)| a < i);
+            both_ways[from..].iter().take_while(move |&&(a, _)| a == i).map(|&(_, b)| b)
+        };
+        let mut found = 0;
+        BroadPhase::default().pairs(&boxes, |i, j| {
+            let (a, b) = (i as usize, j as usize);
+            let d = particles.rest_position[b] - particles.rest_position[a];
+            let bound = |k: usize| particles.radii[k].max_element();
+            let akin = neighbours(i).any(|k| neighbours(j).any(|l| k == l));
+            let near = if akin { 1.0 } else { NEARLY } * bound(a).min(bound(b));
+            if d.length_squared() < (bound(a) + bound(b) + near).powi(2) {
+                let at_rest = |k: usize| crate::Ellipsoid { radii: particles.radii[k], orientation: particles.frame[k] };
+                if EllipsoidPair::new(&at_rest(a), &at_rest(b), d).contact().gap <= near {
+                    keys.push(key(i, j));
+                    found += 1;
+                }
+            }
+            found < most
+        });
+        if found >= most {
+            return Err(TooDense { pairs: found, particles: n });
+        }
+        keys.sort_unstable();
+        keys.dedup();
+        let mut rows = vec![0u32; n + 1];
+        let mut partners = Vec::with_capacity(keys.len());
+        for k in keys {
+            let (i, j) = ((k >> 32) as usize, k as u32);
+            if (j as usize) < n {
+                rows[i + 1] += 1;
+                partners.push(j);
+            }
+        }
+        for i in 0..n {
+            rows[i + 1] += rows[i];
+        }
+        Ok(Self { rows, partners })
+    }
+
+    /// Whether `i` and `j`, i < j, are left out.
+    #[inline]
+    pub fn contains(&self, i: u32, j: u32) -> bool {
+        let i = i as usize;
+        match (self.rows.get(i), self.rows.get(i + 1)) {
+            (Some(&from), Some(&to)) => self.partners[from as usize..to as usize].contains(&j),
+            _ => false,
+        }
+    }
+}
+
+/// Finds the pairs of one body, or of two. Its scratch memory: reuse it, so that a warmed-up step allocates nothing.
+///
+/// Each particle is its enveloping sphere on its way through the step, with a margin; what meets is a candidate, and candidates whose paths come near enough at the same time are pairs. So a particle that flies
+/// through another within the step is found.
+#[derive(Clone, Debug, Default)]
+pub struct PairFinder {
+    broad: BroadPhase,
+    boxes: Vec<Bounds>,
+    /// Which particle each box is of, the second body's counted on from the first's.
+    owners: Vec<u32>,
+    keys: Vec<u64>,
+}
+
+impl PairFinder {
+    /// Fills `pairs` with those of one body, without those `resting`.
+    pub fn find_within(&mut self, p: &Particles, resting: &RestPairs, search: &PairSearch, pairs: &mut Pairs) {
+        let frame = mean_velocity(p);
+        self.begin();
+        for i in 0..p.len() {
+            self.add(i as u32, swept(p, i, Vec3A::ZERO, frame, search));
+        }
+        let Self { broad, boxes, owners, keys } = self;
+        let most = MOST * p.len();
+        broad.pairs(boxes, |i, j| {
+            let (i, j) = (owners[i as usize], owners[j as usize]);
+            if meet_in_step(p, i as usize, p, j as usize, Vec3A::ZERO, search) && !resting.contains(i, j) {
+                keys.push(key(i, j));
+            }
+            keys.len() < most
+        });
+        keys.sort_unstable();
+        pairs.refill(keys, p, p, Vec3A::ZERO);
+        pairs.way_out = None;
+    }
+
+    /// Fills `pairs` with those of two bodies, the second's origin at `offset` \[m\] from the first's. `fresh` says that the two have not been near each other in the step before, so that an overlap is
+    /// one that nobody's motion made.
+    pub fn find_between(&mut self, a: &Particles, b: &Particles, offset: Vec3A, search: &PairSearch, fresh: bool, pairs: &mut Pairs) {
+        // Seen from the first body, which is large as a rule and then still.
+        let frame = mean_velocity(a);
+        let bounds = |p: &Particles, origin: Vec3A| {
+            let mut all = Bounds::NOTHING;
+            for i in 0..p.len() {
+                let b = swept(p, i, origin, frame, search);
+                if b.is_finite() {
+                    all.include(&b);
+                }
+            }
+            all
+        };
+        let (around_a, around_b) = (bounds(a, Vec3A::ZERO), bounds(b, offset));
+        self.begin();
+        let count = a.len() as u32;
+        if around_a.meets(&around_b) {
+            for (p, origin, others, first) in [(a, Vec3A::ZERO, &around_b, 0), (b, offset, &around_a, count)] {
+                for i in 0..p.len() {
+                    let b = swept(p, i, origin, frame, search);
+                    if b.meets(others) {
+                        self.add(first + i as u32, b);
+                    }
+                }
+            }
+        }
+        let Self { broad, boxes, owners, keys } = self;
+        let most = MOST * (a.len() + b.len());
+        broad.pairs(boxes, |i, j| {
+            let (i, j) = (owners[i as usize], owners[j as usize]);
+            let (i, j) = (i.min(j), i.max(j));
+            if i < count && j >= count && meet_in_step(a, i as usize, b, (j - count) as usize, offset, search) {
+                keys.push(key(i, j - count));
+            }
+            keys.len() < most
+        });
+        keys.sort_unstable();
+        pairs.refill(keys, a, b, offset);
+        if fresh || pairs.way_out.is_some() {
+            let limit = if fresh { SUDDEN } else { SKIN };
+            if pairs.overlap(a, b, offset, limit) {
+                pairs.way_out = pairs.way_out.or_else(|| Some(shortest_way_out(a, b, offset)));
+            } else {
+                pairs.way_out = None;
+            }
+        }
+    }
+
+    fn begin(&mut self) {
+        self.boxes.clear();
+        self.owners.clear();
+        self.keys.clear();
+    }
+
+    fn add(&mut self, owner: u32, b: Bounds) {
+        self.owners.push(owner);
+        self.boxes.push(b);
+    }
+}
+
+impl Pairs {
+    /// Whether the solver found any two of them touching since they were found.
+    pub fn touch(&self) -> bool {
+        self.list.iter().any(|pair| pair.touching)
+    }
+
+    /// Makes the list anew from sorted `keys`. Normals start from the line of centres, so that what a step comes to follows from the particles alone.
+    fn refill(&mut self, keys: &[u64], a: &Particles, b: &Particles, offset: Vec3A) {
+        self.list.clear();
+        self.list.extend(keys.iter().map(|&k| {
+            let (i, j) = ((k >> 32) as u32, k as u32);
+            Pair::new(i, j, a, b, b.position[j as usize] + offset - a.position[i as usize])
+        }));
+    }
+
+    /// Whether any pair overlaps by more than `limit` times its thickness.
+    fn overlap(&self, a: &Particles, b: &Particles, offset: Vec3A, limit: f32) -> bool {
+        self.list.iter().any(|pair| {
+            let [i, j] = pair.particles.map(|i| i as usize);
+            let d = b.position[j] + offset - a.position[i];
+            d.length_squared() < pair.reach * pair.reach
+                && EllipsoidPair::new(&a.ellipsoid(i), &b.ellipsoid(j), d).contact().gap < -limit * pair.thickness
+        })
+    }
+}
+
+/// The box of a body's particles on their way through the step, margin included.
+pub fn swept_bounds(p: &Particles, search: &PairSearch) -> Bounds {
+    let mut all = Bounds::NOTHING;
+    for i in 0..p.len() {
+        let b = swept(p, i, Vec3A::ZERO, Vec3A::ZERO, search);
+        if b.is_finite() {
+            all.include(&b);
+        }
+    }
+    all
+}
+
+/// The box of a particle on its way through the step, seen from what moves at `frame` \[m/s\].
+fn swept(p: &Particles, i: usize, origin: Vec3A, frame: Vec3A, search: &PairSearch) -> Bounds {
+    let x = p.position[i] + origin;
+    let margin = SLACK * p.radii[i].max_element() + search.gain * search.dt;
+    Bounds::of_swept_ball(x, x + (p.velocity[i] - frame) * search.dt, p.radii[i].max_element() + margin)
+}
+
+/// Whether two particles come within reach of each other, and some margin, at any time of the step.
+fn meet_in_step(a: &Particles, i: usize, b: &Particles, j: usize, offset: Vec3A, search: &PairSearch) -> bool {
+    let d = b.position[j] + offset - a.position[i];
+    let way = (b.velocity[j] - a.velocity[i]) * search.dt;
+    let (ra, rb) = (a.radii[i].max_element(), b.radii[j].max_element());
+    nearest(d, way).length_squared() < (ra + rb + SLACK * ra.min(rb) + search.gain * search.dt).powi(2)
+}
+
+/// The point nearest to the origin on the way from `d` to `d + way`.
+pub(crate) fn nearest(d: Vec3A, way: Vec3A) -> Vec3A {
+    let length2 = way.length_squared();
+    let t = if length2 > 0.0 { (-d.dot(way) / length2).clamp(0.0, 1.0) } else { 0.0 };
+    d + way * t
+}
+
+/// Of what is finite; zero for a body without mass.
+fn mean_velocity(p: &Particles) -> Vec3A {
+    let (mut sum, mut mass) = (Vec3A::ZERO, 0.0);
+    for (v, m) in p.velocity.iter().zip(&p.mass) {
+        if v.is_finite() {
+            sum += *v * *m;
+            mass += m;
+        }
+    }
+    let mean = sum / mass;
+    if mean.is_finite() { mean } else { Vec3A::ZERO }
+}
+
+/// The unit vector along which two bodies' boxes have to go least far to be apart, from the first to the second; up if it is all the same.
+fn shortest_way_out(a: &Particles, b: &Particles, offset: Vec3A) -> Vec3A {
+    let bounds = |p: &Particles, origin: Vec3A| {
+        let mut all = Bounds::NOTHING;
+        for (x, r) in p.position.iter().zip(&p.radii).filter(|(x, _)| x.is_finite()) {
+            all.include(&Bounds::of_swept_ball(*x + origin, *x + origin, r.max_element()));
+        }
+        all
+    };
+    let (a, b) = (bounds(a, Vec3A::ZERO), bounds(b, offset));
+    let mut best = (f32::INFINITY, Vec3A::Y);
+    for axis in [Vec3A::Y, Vec3A::X, Vec3A::Z] {
+        for (way, out) in [((a.max - b.min).dot(axis), axis), ((b.max - a.min).dot(axis), -axis)] {
+            if way < best.0 {
+                best = (way, out);
+            }
+        }
+    }
+    best.1
+}

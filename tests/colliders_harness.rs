@@ -132,8 +132,8 @@ pub(crate) fn lattice(n: usize) -> Rig {
 /// `n` balls of radius 0.1 m in a row along x, each joined to the next and the one after.
 pub(crate) fn chain(n: usize) -> Rig {
     let particles = (0..n).map(|i| particle(Vec3::X * (0.2 * i as f32), Vec3::splat(0.1))).collect();
-    let pairs = |gap: usize| (gap..n).map(move |i| [(i - gap) as u32, i as u32]);
-    Rig { mesh_hash: MeshHash(0), particles, edges: pairs(1).chain(pairs(2)).collect(), skin: vec![] }
+    let edges = (0..n).flat_map(|i| (i + 1..n.min(i + 3)).map(move |j| [i as u32, j as u32])).collect();
+    Rig { mesh_hash: MeshHash(0), particles, edges, skin: vec![] }
 }
 
 /// A floor at height 0 from `−half` to `half`, `n` squares of two triangles each a side, shifted so that seams do not fall on the axes.

@@ -2,8 +2,8 @@
 
 use bevy::math::{DVec3, Vec3A};
 use bevy::prelude::*;
-use polpo::prelude::*;
 use polpo::Particles;
+use polpo::prelude::*;
 use polpo_rapier::{PushRigidBodies, PushState, RapierWorld, TouchedColliders};
 use polpo_tests::{cube, simulation, simulation_at, steps};
 use rapier3d::prelude::*;
@@ -66,7 +66,8 @@ fn momenta(app: &App, softs: &[Entity], rigids: &[RigidBodyHandle]) -> [DVec3; 2
         for i in 0..p.len() {
             let own = p.velocity[i].as_dvec3() * f64::from(p.mass[i]);
             sum[0] += own;
-            sum[1] += (origin.as_dvec3() + p.position[i].as_dvec3()).cross(own) + p.angular_velocity[i].as_dvec3() * f64::from(p.inertia[i]);
+            sum[1] +=
+                (origin.as_dvec3() + p.position[i].as_dvec3()).cross(own) + p.angular_velocity[i].as_dvec3() * f64::from(p.inertia[i]);
         }
     }
     for &handle in rigids {
@@ -126,7 +127,10 @@ fn crush(n: usize, stiffness: f32, mass: f32, rate: f32, substeps: u32) -> Crush
         deep: [deep, penetration(&app, body)],
     };
     let Crush { case, under, tilt, aside, rest, out, deep } = &result;
-    println!("{case}: slab at {under:.5} m, tilt {tilt:.0e}, aside {aside:.4}, {rest:.0e} m/s, particles out to {out:.3?}, deep {:.1e} then {:.1e}", deep[0], deep[1]);
+    println!(
+        "{case}: slab at {under:.5} m, tilt {tilt:.0e}, aside {aside:.4}, {rest:.0e} m/s, particles out to {out:.3?}, deep {:.1e} then {:.1e}",
+        deep[0], deep[1]
+    );
     result
 }
 
@@ -143,7 +147,13 @@ fn a_soft_cube_stays_under_a_tonne() {
                 // The slab reaches out to 0.4 m: a ball may lie half under its rim.
                 assert!(c.out[0] < 0.45, "{}: out to {:?}", c.case, c.out);
                 // While it is pressed flat at 3 m/s, particles shoot up into the slab that were out of its reach when the step's planes were found.
-                let most = if rate < 50.0 { 0.15 } else if rate < 100.0 { 0.1 } else { 0.01 };
+                let most = if rate < 50.0 {
+                    0.15
+                } else if rate < 100.0 {
+                    0.1
+                } else {
+                    0.01
+                };
                 assert!(c.deep[0] < most && c.deep[1] < 1e-6, "{}: deep {:?}", c.case, c.deep);
             }
         }
@@ -188,7 +198,8 @@ fn a_collision_keeps_momentum() {
         let mut app = simulation_at(rate);
         app.insert_resource(Gravity(Vec3::ZERO));
         let body = jelly(&mut app, cube(3, 0.6, 2.0), Vec3::ZERO, Vec3::new(0.5, 0.0, 0.2));
-        let ball = RigidBodyBuilder::dynamic().translation(Vec3::new(-1.0, 0.15, 0.1)).linvel(Vec3::X * 4.0).angvel(Vec3::new(2.0, 5.0, -9.0));
+        let ball =
+            RigidBodyBuilder::dynamic().translation(Vec3::new(-1.0, 0.15, 0.1)).linvel(Vec3::X * 4.0).angvel(Vec3::new(2.0, 5.0, -9.0));
         let ball = add(&mut app, ball, ColliderBuilder::ball(0.3).mass(3.0));
         steps(&mut app, 1);
         let before = momenta(&app, &[body], &[ball]);

@@ -155,6 +155,33 @@ fn a_dent_stays() {
     assert!(!gentle.0 && gentle.1 < 1e-4);
 }
 
+/// Two of them meet in the air: above the speed that opens them they do, below they bounce off as they are.
+#[test]
+fn a_blow_from_another_body_opens_a_group() {
+    let opens = |speed: f32| {
+        let mut app = simulation();
+        app.insert_resource(Gravity(Vec3::ZERO));
+        let mut group = ExplicitGroup::rigid((0..27).collect::<Vec<_>>());
+        group.deformable = Some(Deformable { speed: 2.0, time: 0.2, dent: 0.5 });
+        let groups = ExplicitGroups { list: vec![group] };
+        let bodies = [-1.0f32, 1.0].map(|side| {
+            let velocity = InitialVelocity { linear: Vec3::X * (-side * speed), angular: Vec3::ZERO };
+            let place = Transform::from_xyz(0.2 * side, 0.0, 0.0);
+            app.world_mut().spawn((SoftBody::new(lattice(0.1)), place, velocity, groups.clone())).id()
+        });
+        let mut opened = [false; 2];
+        for _ in 0..30 {
+            steps(&mut app, 1);
+            for (opened, body) in opened.iter_mut().zip(bodies) {
+                *opened |= app.world().get::<ExplicitState>(body).unwrap().is_open(0);
+            }
+        }
+        opened
+    };
+    assert_eq!(opens(3.0), [true; 2]);
+    assert_eq!(opens(0.5), [false; 2]);
+}
+
 #[test]
 fn bad_groups_are_refused_by_name_and_leave_nothing() {
     #[derive(Resource, Default)]

@@ -5,7 +5,7 @@ use polpo_solver::ExplicitGroup;
 
 use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
-use crate::{Contacts, Edges, ImplicitGroups, Particles, SubstepTime};
+use crate::{BodyPairs, Contacts, Edges, ImplicitGroups, Particles, SelfPairs, SubstepTime};
 
 /// Pieces of the body that move as a whole: a skull, a wheel, the plates of a car.
 ///
@@ -121,6 +121,32 @@ pub(crate) fn strike_explicit(
             let_rest(&groups, revision, (implicit, edges));
         },
     );
+}
+
+/// In phase `SolveContacts`, after pairs of particles: a blow from another body, or from another part of this one, opens groups too.
+pub(crate) fn strike_by_pairs(
+    between: Res<BodyPairs>,
+    mut bodies: Query<(&mut ExplicitState, Option<&mut ImplicitGroups>, Option<&mut Edges>, Option<&SelfPairs>), Awake>,
+) {
+    for (mut groups, implicit, edges, own) in &mut bodies {
+        let revision = groups.revision();
+        for pair in own.map_or(&[][..], SelfPairs::pairs) {
+            for particle in pair.particles {
+                groups.strike(particle, pair.closing_speed);
+            }
+        }
+        let_rest(&groups, revision, (implicit, edges));
+    }
+    for met in between.iter() {
+        for (side, body) in met.bodies().into_iter().enumerate() {
+            let Ok((mut groups, implicit, edges, _)) = bodies.get_mut(body) else { continue };
+            let revision = groups.revision();
+            for pair in met.pairs() {
+                groups.strike(pair.particles[side], pair.closing_speed);
+            }
+            let_rest(&groups, revision, (implicit, edges));
+        }
+    }
 }
 
 /// In phase `SolveContacts`, after the contacts.

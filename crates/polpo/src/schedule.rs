@@ -191,6 +191,7 @@ impl Plugin for PolpoPlugin {
                         explicit_groups::strike_explicit,
                         self_contact::solve_self_pairs,
                         body_contact::solve_body_pairs,
+                        explicit_groups::strike_by_pairs,
                         // What pairs gave each other is shared out by momentum; what colliders give is not.
                         explicit_groups::hold_explicit,
                         collision::solve_contacts,

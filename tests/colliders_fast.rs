@@ -141,7 +141,9 @@ fn nothing_at_50_metres_a_second_gets_through_a_floor() {
                     }
                     let case = format!("{name:8} {kind:8} {rate:3} Hz {velocity:?}");
                     println!("{case}: at most {deepest:.4} m deep, {last:.1e} at the end, centres down to {lowest:.4} m");
-                    if lowest <= 0.0 || lab.lowest(body) <= 0.0 || last > 1e-3 {
+                    // Balls that touch shield each other; of the octopus's ellipsoids, 1 to 7 cm, some are pressed in by their neighbours.
+                    let most = if kind == "octopus" { 0.04 } else { 1e-4 };
+                    if lowest <= 0.0 || deepest > most || last > 1e-5 {
                         wrong.push(case);
                     }
                 }

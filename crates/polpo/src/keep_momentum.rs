@@ -9,7 +9,7 @@ use crate::{Particles, SubstepTime};
 /// The body's constraints keep its angular momentum exactly, where the method alone loses a share of ω²·Δt a second. Comes with every [`SoftBody`](crate::SoftBody).
 ///
 /// Everything in [`ConstraintSchedule`](crate::ConstraintSchedule) counts as internal to the body. Remove it from a body that you pull from outside by a constraint of your own in that schedule, or order
-/// your system after that schedule instead. Bodies with [`Pins`] are left alone.
+/// your system after that schedule instead. Bodies with a pinned particle are left alone.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Default)]
 pub struct KeepMomentum {
     before: Vec3A,

@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use polpo::prelude::*;
-use polpo::{BodyPairs, BodySnapshot, ContactMemory, Particles, SnapshotError};
+use polpo::{BodyPairs, BodySnapshot, ContactMemory, Particles, SelfPairs, SnapshotError};
 use polpo_rapier::{RapierSnapshot, RapierWorld};
 use polpo_scenes::{OctopusScene, SimulationPlugins, octopus_asset};
 use polpo_tests::{Random, lattice, random_scene, simulation, state_of, steps};
@@ -28,6 +28,7 @@ fn octopuses(app: &mut App) {
 struct Kept {
     bodies: Vec<(Entity, Vec<u8>)>,
     pairs: BodyPairs,
+    own: Vec<(Entity, SelfPairs)>,
     rapier: RapierSnapshot,
     clock: Time<Fixed>,
 }
@@ -38,6 +39,7 @@ fn keep(app: &mut App) -> Kept {
     Kept {
         bodies: entities.into_iter().map(|e| (e, BodySnapshot::take(world, e).unwrap().to_bytes())).collect(),
         pairs: world.resource::<BodyPairs>().kept(),
+        own: world.query::<(Entity, &SelfPairs)>().iter(world).map(|(e, own)| (e, own.clone())).collect(),
         rapier: RapierSnapshot::take(world).unwrap(),
         clock: *world.resource(),
     }
@@ -49,6 +51,9 @@ fn put_back(app: &mut App, kept: &Kept) {
         BodySnapshot::from_bytes(bytes).unwrap().restore(world, *entity).unwrap();
     }
     world.insert_resource(kept.pairs.kept());
+    for (entity, own) in &kept.own {
+        world.entity_mut(*entity).insert(own.clone());
+    }
     kept.rapier.restore(world);
     world.insert_resource(kept.clock);
 }

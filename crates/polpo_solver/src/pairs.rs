@@ -48,6 +48,10 @@ impl Pair {
             known: false,
         }
     }
+
+    fn key(&self) -> u64 {
+        key(self.particles[0], self.particles[1])
+    }
 }
 
 /// The pairs of one body with itself, or of two bodies, found once a step. Reuse it: a warmed-up step allocates nothing.
@@ -58,6 +62,8 @@ pub struct Pairs {
     /// The way out of an overlap of whole bodies that nobody's motion made, from the first to the second; `None` as long as they touch at their skins only. While it is there, what overlaps is pushed
     /// apart along it, rather than each pair along its own normal, which would lock two lattices into each other.
     pub way_out: Option<Vec3A>,
+    /// The pairs of the step before, for what they remember.
+    before: Vec<Pair>,
 }
 
 /// Two particles' indices, as a number that sorts like them.
@@ -276,13 +282,20 @@ impl Pairs {
         self.list.iter().any(|pair| pair.touching)
     }
 
-    /// Makes the list anew from sorted `keys`. Normals start from the line of centres, so that what a step comes to follows from the particles alone.
+    /// Makes the list anew from sorted `keys`; pairs that were in it keep their normals.
     fn refill(&mut self, keys: &[u64], a: &Particles, b: &Particles, offset: Vec3A) {
+        core::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
-        self.list.extend(keys.iter().map(|&k| {
+        let mut old = self.before.iter().peekable();
+        for &k in keys {
             let (i, j) = ((k >> 32) as u32, k as u32);
-            Pair::new(i, j, a, b, b.position[j as usize] + offset - a.position[i as usize])
-        }));
+            let mut pair = Pair::new(i, j, a, b, b.position[j as usize] + offset - a.position[i as usize]);
+            while old.next_if(|pair| pair.key() < k).is_some() {}
+            if let Some(then) = old.next_if(|pair| pair.key() == k) {
+                (pair.normal, pair.known) = (then.normal, then.known);
+            }
+            self.list.push(pair);
+        }
     }
 
     /// Whether any pair overlaps by more than `limit` times its thickness.

@@ -192,7 +192,7 @@ fn a_wobbling_body_stays_where_it_is() {
     for (name, rig) in [("lattice", lattice(0.1)), ("octopus", octopus_asset().1.as_ref().clone())] {
         let mut app = weightless();
         let body = app.world_mut().spawn(SoftBody::new(rig)).id();
-        // It must not fall asleep, nor come to rest: all of the ten seconds count.
+        // It must not fall asleep, and nothing but the solver brakes it.
         app.world_mut().entity_mut(body).remove::<Sleep>().insert(Damping { drag: 0.0, internal: 0.0 });
         stretch(&mut app, body);
         let before = carried(&app, &[body]);

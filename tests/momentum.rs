@@ -168,7 +168,7 @@ fn two_bodies_that_collide() {
     let bodies: Vec<Entity> = [-1.0f32, 1.0]
         .iter()
         .map(|&side| {
-            let motion = InitialVelocity { linear: Vec3::X * (-1.0 * side), angular: Vec3::Z * 0.5 };
+            let motion = InitialVelocity { linear: Vec3::X * -side, angular: Vec3::Z * 0.5 };
             app.world_mut().spawn((SoftBody::new(lattice(0.1)), Transform::from_xyz(0.4 * side, 0.07 * side, 0.02), motion)).id()
         })
         .collect();

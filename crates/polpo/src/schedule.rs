@@ -156,6 +156,7 @@ impl Plugin for PolpoPlugin {
                         freeze::freeze_broken_bodies,
                         writeback::follow_center_of_mass,
                         pins::break_pins,
+                        sleep::count_stillness,
                         sleep::fall_asleep,
                         rider::carry_riders,
                     )

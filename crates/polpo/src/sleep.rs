@@ -193,10 +193,21 @@ pub(crate) fn wake_touched(mut commands: Commands, pairs: Res<BodyPairs>, bodies
     }
 }
 
-/// In phase `Writeback`: counts how long each body has been quiet, and puts to sleep those that have been so long enough, at rest.
+/// In phase `Writeback`: counts how long each body has been quiet.
+pub(crate) fn count_stillness(time: Res<Time>, mut bodies: Query<(&Particles, &StepStart, &Sleep, &mut Stillness), Awake>) {
+    let dt = time.delta_secs();
+    for_each_body(
+        &mut bodies,
+        |(particles, ..)| 5 * particles.len(),
+        |(particles, start, sleep, mut stillness)| {
+            stillness.0 = if is_quiet(particles, start, sleep.speed, dt) { stillness.0 + dt } else { 0.0 };
+        },
+    );
+}
+
+/// In phase `Writeback`, thereafter: puts to sleep those that have been quiet long enough, at rest.
 pub(crate) fn fall_asleep(
     mut commands: Commands,
-    time: Res<Time>,
     ticks: SystemChangeTick,
     (gravity, wind, settings): (Res<Gravity>, Res<Wind>, Res<SolverSettings>),
     pairs: Res<BodyPairs>,
@@ -204,14 +215,6 @@ pub(crate) fn fall_asleep(
     awake: Query<(), (With<Particles>, Awake)>,
     mut bodies: Query<(Entity, &mut Particles, &mut StepStart, &Sleep, &mut Stillness, Has<AirDrag>), Awake>,
 ) {
-    let dt = time.delta_secs();
-    for_each_body(
-        &mut bodies,
-        |(_, particles, ..)| 5 * particles.len(),
-        |(_, particles, start, sleep, mut stillness, _)| {
-            stillness.0 = if is_quiet(&particles, &start, sleep.speed, dt) { stillness.0 + dt } else { 0.0 };
-        },
-    );
     ready.clear();
     let enough = |sleep: &Sleep, still: f32| still > 0.0 && still >= sleep.time;
     ready.extend(bodies.iter().filter(|(_, _, _, sleep, still, _)| enough(sleep, still.0)).map(|(entity, ..)| entity));

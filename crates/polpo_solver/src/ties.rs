@@ -28,7 +28,7 @@ const PULL_SPEED: f32 = 3.0;
 
 /// One sweep over ties within a substep of `dt` \[s\].
 ///
-/// *Position.* With e the distance between the particle and the place, and K = w_particle·1 − [a]×J⁻¹[a]× + 1/M the velocity that an impulse between them makes, the impulse K⁻¹(−e/Δt) closes it. It acts at the
+/// *Position.* With e the distance between the particle and the place, and K = w_particle·1 − \[a\]×J⁻¹\[a\]× + 1/M the velocity that an impulse between them makes, the impulse K⁻¹(−e/Δt) closes it. It acts at the
 /// particle's centre of when the substep began, which keeps P and L to rounding, see [`RigidMover::push`].
 ///
 /// *Orientation.* With θ the turn that is missing, the angular impulse (1/I + J⁻¹)⁻¹θ/Δt.

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{Frozen, Particles, SoftBodyRejected};
+use polpo::{CapabilityRejected, Frozen, Particles, SelfPairs, SoftBodyRejected};
 use polpo_rig::Rig;
 use polpo_tests::{lattice, simulation, steps};
 
@@ -15,6 +15,24 @@ fn app() -> App {
         reasons.0.push(rejected.reason.to_string());
     });
     app
+}
+
+/// Where nearly everything overlaps at rest, self-contact has nothing to hold apart: it is refused, and the body goes on without it.
+#[test]
+fn self_contact_of_a_lump_is_refused_and_named() {
+    let mut app = app();
+    app.add_observer(|refused: On<CapabilityRejected>, mut reasons: ResMut<Reasons>| {
+        reasons.0.push(format!("{}: {}", refused.component, refused.reason));
+    });
+    let mut lump = lattice(0.1);
+    let one = lump.particles[0];
+    lump.particles.resize(1200, one);
+    let body = app.world_mut().spawn((SoftBody::new(lump), SelfContact::default())).id();
+    steps(&mut app, 2);
+    let reasons = &app.world().resource::<Reasons>().0;
+    assert!(reasons.len() == 1 && reasons[0].starts_with("SelfContact: ") && reasons[0].contains("its 1200 particles"), "{reasons:?}");
+    let entity = app.world().entity(body);
+    assert!(entity.contains::<Particles>() && !entity.contains::<SelfContact>() && !entity.contains::<SelfPairs>());
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What happens when a component asks for what cannot be.
 
 use bevy::prelude::*;
-use polpo_solver::{CalibrationError, EdgeError, GroupError, PoseError};
+use polpo_solver::{CalibrationError, EdgeError, GroupError, PoseError, TooDense};
 
 /// Why a component of a body was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -18,6 +18,9 @@ pub enum CapabilityError {
     /// An edge.
     #[error(transparent)]
     Edge(#[from] EdgeError),
+    /// Self-contact of a body that overlaps itself nearly everywhere at rest.
+    #[error(transparent)]
+    Dense(#[from] TooDense),
 }
 
 /// Triggered on a body when one of its components holds values that cannot be. The component has been removed; the body goes on without it.

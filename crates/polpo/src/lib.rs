@@ -20,9 +20,10 @@
 //!
 //! # One capability, one component
 //!
-//! What a body can do is what it has: [`ShapeMatching`] holds its shape, [`DistanceConstraints`] the length of its edges, [`Torsion`] resists twist, [`Damping`] lets its wobble die,
-//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind, [`ExplicitGroups`] make pieces of it rigid, [`Plasticity`] lets dents stay, [`RestPose`] and [`Inflation`] move its rest shape from inside. Remove the component and neither its code nor its data is there any more. The first four come with every
-//! [`Collision`] keeps it out of colliders, [`Grab`] lets a hand pull it, [`Pins`] hold parts of it, [`Rods`] make its edges as stiff as a material, [`AirDrag`] gives it to the wind, [`Sleep`] lets it rest. Remove the component and neither its code nor its data is there any more. The first four come with every
+//! What a body can do is what it has: [`ShapeMatching`] holds its shape, [`DistanceConstraints`] the length of its edges, [`Torsion`] resists twist, [`Damping`] lets its wobble die, [`KeepMomentum`] keeps its spin,
+//! [`Collision`] keeps it out of colliders, [`BodyContact`] out of other bodies, [`Sleep`] lets it rest. [`SelfContact`] keeps it out of itself, [`ExplicitGroups`] make pieces of it rigid, [`Rods`] make its edges as stiff as
+//! a material, [`Plasticity`] lets dents stay, [`RestPose`] and [`Inflation`] move its rest shape from inside, [`Pins`] hold parts of it, [`Grab`] lets a hand pull it, [`AirDrag`] gives it to the wind. Remove the
+//! component and neither its code nor its data is there any more. The first eight come with every
 //! [`SoftBody`]; put your own values beside it when you spawn it.
 //!
 //! # The step

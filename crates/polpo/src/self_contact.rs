@@ -4,13 +4,14 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Sides, find_support, solve_pairs};
 
+use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
 use crate::{Contacts, Gravity, Particles, SoftBody, SubstepTime};
 
 /// The particles of the body do not pass through each other: arms lie on arms, a sheet folds onto itself. Not there unless you add it.
 ///
 /// Particles joined by an edge, those that overlap at rest or all but do, and close ones with a neighbour in common never count as touching. Momentum, spin included, is kept to rounding. If nearly everything overlaps at rest there is nothing to hold
-/// apart: that is told in the log, and the component removed.
+/// apart: it is refused with [`CapabilityRejected`](crate::CapabilityRejected).
 ///
 /// Particles flung at each other faster than they moved when the step began may pass through each other in that step.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -55,10 +56,7 @@ pub(crate) fn build_self_pairs(
             Ok(resting) => {
                 commands.entity(entity).insert(SelfPairs { resting, ..default() });
             }
-            Err(error) => {
-                tracing::error!("body {entity} has no self-contact: {error}");
-                commands.entity(entity).remove::<SelfContact>();
-            }
+            Err(error) => reject::<SelfContact>(&mut commands, entity, "SelfContact", error),
         }
     }
     for entity in &idle {

@@ -229,7 +229,6 @@ fn without_the_component_a_body_never_sleeps() {
 
 /// Ten octopuses in a heap: all of them come to rest, and stay to the last bit.
 #[test]
-#[ignore = "known fault: since pairs hand on their support, a heap keeps trembling; 3 of 10 sleep after 40 s"]
 fn a_pile_of_ten_octopuses_falls_asleep_and_does_not_creep() {
     let mut app = simulation();
     app.world_mut()

@@ -34,7 +34,7 @@ pub enum Sides<'a> {
 
 /// Which particles lie on a collider as the substep of `dt` \[s\] is about to solve contacts: the collider's normal for each that does, zero for the others; nothing if none does.
 ///
-/// A pair that presses a particle into what it lies on cannot move it, and takes it for immovable: the collider would give back at once what the pair gave it. Taken for movable, a light particle between the
+/// A pair in which something far heavier presses a particle into what it lies on cannot move it, and takes it for immovable: the collider would give back at once what the pair gave it. Taken for movable, a light particle between the
 /// ground and a heavy one would be thrown to and fro and bear next to nothing.
 pub fn find_support(contacts: &Contacts, p: &Particles, dt: f32, support: &mut Vec<Vec3A>) {
     support.clear();
@@ -49,6 +49,9 @@ pub fn find_support(contacts: &Contacts, p: &Particles, dt: f32, support: &mut V
     }
 }
 
+/// Only from something heavier by this factor is a particle on a collider taken for immovable: lighter ones are thrown to and fro little, and then momentum need not go to the collider. In heaps of bodies alike it would make
+/// the heap tremble.
+const CRUSHING: f32 = 80.0;
 /// A push that goes into a collider at less than this cosine from its normal slides along it.
 const INTO: f32 = 0.5;
 
@@ -315,11 +318,12 @@ struct End {
 }
 
 impl End {
-    /// `push` is where the pair presses it.
-    fn new(sides: &Sides, k: usize, i: usize, push: Vec3A) -> Self {
+    /// `push` is where the pair presses it, `by` the mass \[kg\] of what does.
+    fn new(sides: &Sides, k: usize, i: usize, push: Vec3A, by: f32) -> Self {
         let (p, origin, held) = sides.side(k);
         let free = if held { 0.0 } else { 1.0 };
-        let yields = if held || sides.is_supported(k, i, push) { 0.0 } else { 1.0 };
+        let crushed = by > CRUSHING * p.mass[i] && sides.is_supported(k, i, push);
+        let yields = if held || crushed { 0.0 } else { 1.0 };
         Self {
             x: p.position[i] + origin,
             v: p.velocity[i] * free,
@@ -440,7 +444,8 @@ fn resolve(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rul
     if !deep {
         return;
     }
-    let ends = [End::new(sides, 0, i, -n), End::new(sides, 1, j, n)];
+    let mass = [sides.side(0).0.mass[i], sides.side(1).0.mass[j]];
+    let ends = [End::new(sides, 0, i, -n, mass[1]), End::new(sides, 1, j, n, mass[0])];
     let speed2 = (ends[1].v - ends[0].v).length_squared();
     let mut both = Ends { point: ends[0].x + touch.point, ends, speed2, added: Vec3A::ZERO };
     let yielding = both.yielding(n);

@@ -73,6 +73,7 @@ mod soft_groups;
 mod solve_contacts;
 mod solve_pairs;
 mod stiffness;
+mod support;
 #[cfg(test)]
 mod testing;
 mod ties;
@@ -110,8 +111,9 @@ pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
 pub use solve_contacts::solve_contacts;
-pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, find_support, solve_pairs};
+pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
+pub use support::find_support;
 pub use ties::{Tie, solve_ties};
 pub use torsion::solve_torsion;
 pub use wind::blow;

@@ -1,11 +1,13 @@
 //! Stage 3: particles leave each other, in one body or between two, with friction.
+//!
+//! A long file, because how two particles touch and what the touch does to them share all of their state.
 
 use glam::{Quat, Vec3A};
 
 use crate::ellipsoid_pair::EllipsoidPair;
 use crate::pairs::{Pair, nearest};
 use crate::shape_matching::turned;
-use crate::{Contacts, Ellipsoid, Pairs, Particles};
+use crate::{Ellipsoid, Pairs, Particles};
 
 /// Whose particles the pairs are.
 #[derive(Debug)]
@@ -14,7 +16,7 @@ pub enum Sides<'a> {
     Within {
         /// The body.
         particles: &'a mut Particles,
-        /// What [`find_support`] found for it.
+        /// What [`find_support`](crate::find_support) found for it.
         support: &'a [Vec3A],
     },
     /// Of two.
@@ -27,26 +29,9 @@ pub enum Sides<'a> {
         offset: Vec3A,
         /// Whether the first, the second stands still whatever touches it.
         held: [bool; 2],
-        /// What [`find_support`] found for the first, the second.
+        /// What [`find_support`](crate::find_support) found for the first, the second.
         support: [&'a [Vec3A]; 2],
     },
-}
-
-/// Which particles lie on a collider as the substep of `dt` \[s\] is about to solve contacts: the collider's normal for each that does, zero for the others; nothing if none does.
-///
-/// A pair in which something far heavier presses a particle into what it lies on cannot move it, and takes it for immovable: the collider would give back at once what the pair gave it. Taken for movable, a light particle between the
-/// ground and a heavy one would be thrown to and fro and bear next to nothing.
-pub fn find_support(contacts: &Contacts, p: &Particles, dt: f32, support: &mut Vec<Vec3A>) {
-    support.clear();
-    for contact in &contacts.list {
-        let i = contact.particle as usize;
-        if i < p.len()
-            && contact.normal.dot(p.position[i] - contact.point - contact.velocity * dt) <= p.ellipsoid(i).support(contact.normal).0
-        {
-            support.resize(p.len(), Vec3A::ZERO);
-            support[i] = contact.normal;
-        }
-    }
 }
 
 /// Only from something heavier by this factor is a particle on a collider taken for immovable: lighter ones are thrown to and fro little, and then momentum need not go to the collider. In heaps of bodies alike it would make

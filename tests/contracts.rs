@@ -36,6 +36,8 @@ mod rods;
 mod schedule_is_unambiguous;
 #[path = "contracts/sleeping.rs"]
 mod sleeping;
+#[path = "contracts/sleeping_rigid.rs"]
+mod sleeping_rigid;
 #[path = "contracts/snapshot.rs"]
 mod snapshot;
 #[path = "contracts/stiffness_in_hertz.rs"]

@@ -39,6 +39,18 @@ impl Default for Sleep {
     }
 }
 
+impl Sleep {
+    /// The speed below which a body of these `particles` is quiet, and what touches it as quiet as it \[m/s\]: [`speed`](Self::speed) times its radius of gyration. 0 without particles.
+    pub fn quiet_speed(&self, particles: &Particles) -> f32 {
+        let (mut size, mut mass) = (0.0, 0.0);
+        for i in 0..particles.len() {
+            size += particles.mass[i] * (particles.position[i].length_squared() + own_size(particles, i));
+            mass += particles.mass[i];
+        }
+        if mass > 0.0 { self.speed * (size / mass).sqrt() } else { 0.0 }
+    }
+}
+
 /// How long the body has been quiet \[s\]. Comes with [`Sleep`]; set it to 0 to keep a body awake a while longer.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Default)]
 pub struct Stillness(pub f32);
@@ -255,8 +267,7 @@ pub(crate) fn fall_asleep(
 fn is_quiet(particles: &Particles, start: &StepStart, speed: f32, dt: f32) -> bool {
     let (mut way, mut size) = (0.0, 0.0);
     for (i, (then, turned)) in start.position.iter().zip(&start.rotation).enumerate().take(particles.len()) {
-        // A third of the sum of the squared half axes: the square of their mean, near enough.
-        let own = particles.radii[i].length_squared() * (1.0 / 3.0);
+        let own = own_size(particles, i);
         // Of a small turn by θ, 4·|vector part|² is θ².
         let turn = particles.rotation[i] * turned.inverse();
         let angle2 = 4.0 * turn.xyz().length_squared();
@@ -265,4 +276,9 @@ fn is_quiet(particles: &Particles, start: &StepStart, speed: f32, dt: f32) -> bo
     }
     // Also false for a speed that is negative or NaN.
     speed > 0.0 && way <= speed * speed * dt * dt * size
+}
+
+/// A third of the sum of the squared half axes of particle `i`: the square of their mean, near enough \[m²\].
+fn own_size(particles: &Particles, i: usize) -> f32 {
+    particles.radii[i].length_squared() * (1.0 / 3.0)
 }

@@ -38,6 +38,7 @@ mod penetration;
 mod plugin;
 mod probe;
 mod push;
+mod sleep;
 mod snapshot;
 mod touch;
 mod touched;

@@ -27,6 +27,10 @@ pub struct Obstacles {
 pub(crate) struct Stirred {
     bounds: Aabb,
     layers: [InteractionGroups; 2],
+    /// The rigid body that it belongs to.
+    pub(crate) body: Option<RigidBodyHandle>,
+    /// How fast its points move at most, or have come since the step before \[m/s\]; infinite if it has come, gone or is made otherwise.
+    pub(crate) speed: f32,
 }
 
 #[derive(Clone, Debug)]
@@ -108,7 +112,7 @@ impl Obstacles {
             };
             // Both lists are in the order of the set's slots. What is passed over is gone.
             while let Some(old) = self.before.get(before).filter(|old| old.slot() < obstacle.slot()) {
-                self.stirred.push(old.stirred());
+                self.stirred.push(old.stirred(f32::INFINITY));
                 before += 1;
             }
             match self.before.get(before).filter(|old| old.slot() == obstacle.slot()) {
@@ -116,19 +120,20 @@ impl Obstacles {
                     obstacle.last_velocity = old.velocity;
                     obstacle.last_angular_velocity = old.angular_velocity;
                     if obstacle.moves() || !obstacle.is_like(old) {
-                        self.stirred.extend([old.stirred(), obstacle.stirred()]);
+                        let speed = obstacle.speed_since(old, dt);
+                        self.stirred.extend([old.stirred(speed), obstacle.stirred(speed)]);
                     }
                     before += 1;
                 }
                 Some(old) => {
-                    self.stirred.extend([old.stirred(), obstacle.stirred()]);
+                    self.stirred.extend([old.stirred(f32::INFINITY), obstacle.stirred(f32::INFINITY)]);
                     before += 1;
                 }
-                None => self.stirred.push(obstacle.stirred()),
+                None => self.stirred.push(obstacle.stirred(f32::INFINITY)),
             }
             self.list.push(obstacle);
         }
-        self.stirred.extend(self.before[before..].iter().map(Obstacle::stirred));
+        self.stirred.extend(self.before[before..].iter().map(|old| old.stirred(f32::INFINITY)));
         // In the first step nothing is new, because nothing was known.
         if !self.begun {
             self.stirred.clear();
@@ -148,9 +153,15 @@ impl Obstacles {
         self.begun = true;
     }
 
-    /// Whether a collider near the box `mins` … `maxs`, relative to `origin`, that a body with these `layers` can meet, moves, has come, gone or changed.
-    pub(crate) fn are_stirred_near(&self, mins: Vector, maxs: Vector, origin: Vector, layers: InteractionGroups) -> bool {
-        self.stirred.iter().any(|s| near(&s.bounds, mins, maxs, origin) && let_meet(&s.layers, layers))
+    /// The colliders near the box `mins` … `maxs`, relative to `origin`, that a body with these `layers` can meet, and that move, have come, gone or changed.
+    pub(crate) fn stirred_near(
+        &self,
+        mins: Vector,
+        maxs: Vector,
+        origin: Vector,
+        layers: InteractionGroups,
+    ) -> impl Iterator<Item = &Stirred> {
+        self.stirred.iter().filter(move |s| near(&s.bounds, mins, maxs, origin) && let_meet(&s.layers, layers))
     }
 
     /// How many there are.
@@ -225,16 +236,30 @@ impl Obstacle {
         self.velocity != Vector::ZERO || self.angular_velocity != Vector::ZERO
     }
 
-    fn stirred(&self) -> Stirred {
-        Stirred { bounds: self.bounds, layers: self.layers }
+    fn stirred(&self, speed: f32) -> Stirred {
+        Stirred { bounds: self.bounds, layers: self.layers, body: self.body, speed }
     }
 
-    /// Whether it is where `other` was, is made as that was and moves as that did.
-    fn is_like(&self, other: &Self) -> bool {
-        (self.anchor, self.offset, self.rotation) == (other.anchor, other.offset, other.rotation)
-            && (self.velocity, self.angular_velocity) == (other.velocity, other.angular_velocity)
-            && (self.local_bounds, self.friction, self.rule, self.layers) == (other.local_bounds, other.friction, other.rule, other.layers)
-            && core::ptr::addr_eq(self.shape.0.as_ref(), other.shape.0.as_ref())
+    /// Whether it is where `old`, the same a step ago, was, and made as that was. One that has stopped there is.
+    fn is_like(&self, old: &Self) -> bool {
+        (self.anchor, self.offset, self.rotation) == (old.anchor, old.offset, old.rotation) && self.is_made_like(old)
+    }
+
+    fn is_made_like(&self, old: &Self) -> bool {
+        (self.local_bounds, self.friction, self.rule, self.layers) == (old.local_bounds, old.friction, old.rule, old.layers)
+            && core::ptr::addr_eq(self.shape.0.as_ref(), old.shape.0.as_ref())
+    }
+
+    /// See [`Stirred::speed`]; `old` is the same, `dt` \[s\] ago.
+    fn speed_since(&self, old: &Self, dt: f32) -> f32 {
+        if !self.is_made_like(old) {
+            return f32::INFINITY;
+        }
+        let reach = self.local_bounds.mins.abs().max(self.local_bounds.maxs.abs()).length();
+        // Of a small turn by θ, twice the vector part is θ; of a great one it is still more than the rest of the body's way could make up for.
+        let turn = 2.0 * (self.rotation * old.rotation.inverse()).xyz().length();
+        let way = ((self.anchor - old.anchor) + (self.offset - old.offset)).length() + turn * reach;
+        (way / dt).max(self.velocity.length() + self.angular_velocity.length() * reach)
     }
 
     /// Where it is now, at the end of the step, and where it was at the start of the last one, relative to `origin`.

@@ -4,13 +4,10 @@ use bevy::ecs::batching::BatchingStrategy;
 use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
-use polpo::{
-    Awake, Collision, ContactMemory, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness, SubstepSchedule,
-};
+use polpo::{Awake, Collision, ContactMemory, Contacts, Gravity, GravityScale, Particles, PolpoSystems, SubstepSchedule};
 
-use crate::detect::bounds_of;
 use crate::push::Pushing;
-use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld, follower, push, touched};
+use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld, follower, push, sleep, touched};
 
 /// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
 ///
@@ -63,13 +60,24 @@ impl Plugin for PolpoRapierPlugin {
                 self.schedule,
                 (
                     (follower::lead, push::free_the_tied).before(PolpoSystems::Prepare),
-                    (gather_obstacles, disturb, detect_contacts, touched::list_touched, push::gather_movers)
+                    (
+                        gather_obstacles,
+                        sleep::disturb,
+                        detect_contacts,
+                        touched::list_touched,
+                        push::gather_movers,
+                        sleep::wait_for_each_other,
+                    )
                         .chain()
                         .after(PolpoSystems::FindPairs)
                         .in_set(PolpoSystems::DetectContacts),
-                    (push::hand_over, step_rigid_bodies, push::after_rapier, follower::follow).chain().in_set(RapierSystems::Step),
+                    (sleep::lull, push::hand_over, step_rigid_bodies, push::after_rapier, follower::follow)
+                        .chain()
+                        .in_set(RapierSystems::Step),
                 ),
             )
+            .add_observer(sleep::wake_carried)
+            .add_observer(sleep::let_go)
             .add_systems(SubstepSchedule, push::solve_pushes.after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate));
     }
 }
@@ -77,27 +85,6 @@ impl Plugin for PolpoRapierPlugin {
 fn gather_obstacles(time: Res<Time>, world: Res<RapierWorld>, mut surroundings: ResMut<Surroundings>, bodies: Query<(), With<Contacts>>) {
     if !bodies.is_empty() {
         surroundings.0.gather(&world.bodies, &world.colliders, time.delta_secs());
-    }
-}
-
-/// Bodies near a collider that is not as it was do not sleep. While nothing stirs, nothing is looked at.
-fn disturb(
-    mut commands: Commands,
-    surroundings: Res<Surroundings>,
-    mut bodies: Query<(Entity, &Particles, &Transform, &Collision, &mut Stillness, Has<Sleeping>), Without<Frozen>>,
-) {
-    if surroundings.0.stirred.is_empty() {
-        return;
-    }
-    for (entity, particles, transform, collision, mut stillness, asleep) in &mut bodies {
-        let Some((mins, maxs)) = bounds_of(particles) else { continue };
-        let layers = crate::detect::layers(collision.memberships, collision.filter);
-        if surroundings.0.are_stirred_near(mins, maxs, transform.translation, layers) {
-            stillness.0 = 0.0;
-            if asleep {
-                commands.entity(entity).remove::<Sleeping>();
-            }
-        }
     }
 }
 

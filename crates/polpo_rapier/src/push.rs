@@ -16,7 +16,7 @@ use crate::{RapierWorld, RigidBodyFollower};
 /// rigid body and the ground carries it as the ground would, whatever their masses.
 ///
 /// What goes wrong: a body on joints gives way in the substeps as if it had none, and Rapier's step puts it right; a light rigid body under a heavy soft one is pressed into what it
-/// stands on for the length of a step. Rapier puts a body to sleep by its speed, this wakes it as long as a soft body that is awake touches it.
+/// stands on for the length of a step. Rapier puts a body to sleep by its speed, this wakes it as long as a soft body that is awake touches it; what lies on soft bodies sleeps and wakes with them.
 #[derive(Component, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[require(PushState, Contacts)]
 pub struct PushRigidBodies;
@@ -28,6 +28,8 @@ pub struct PushState {
     pub contacts: Vec<PushContact>,
     /// Its pins to rigid bodies.
     pub ties: Vec<Tie>,
+    /// The rigid bodies of both, once each: of the running step, and of the last one in a body that sleeps.
+    pub(crate) pushed: Vec<RigidBodyHandle>,
     /// The velocity and spin that tied particles had before they were pinned, and their pins.
     tied: Vec<Tied>,
 }
@@ -45,7 +47,9 @@ struct Tied {
 pub(crate) struct Pushing {
     movers: Movers,
     /// Theirs, in the same order.
-    handles: Vec<RigidBodyHandle>,
+    pub(crate) handles: Vec<RigidBodyHandle>,
+    /// Those of them that fell asleep in this step, with all that push them.
+    pub(crate) lulled: Vec<RigidBodyHandle>,
     /// The forces that the game applies to those that were pushed.
     forces: Vec<(RigidBodyHandle, Vec3, Vec3)>,
     /// The velocities that those on joints would have after Rapier's step without joints and gravity, and what these made of them in the last.
@@ -119,8 +123,9 @@ pub(crate) fn gather_movers(
         let center_of = |body: RigidBodyHandle| {
             world.bodies.get(body).map(|body| (body.position().translation - origin) + center_arm(body)).map(Vec3A::from)
         };
-        let PushState { contacts: pushes, ties, tied } = &mut *state;
+        let PushState { contacts: pushes, ties, tied, pushed } = &mut *state;
         pushes.clear();
+        pushed.clear();
         let mut at = 0;
         contacts.list.retain(|contact| {
             let source = detector.0.sources.get(at).and_then(|&source| surroundings.0.list.get(source as usize));
@@ -130,6 +135,7 @@ pub(crate) fn gather_movers(
             let (Some(mover), Some(center)) = (pushing.index_of(&world, body, gravity.0), center_of(body)) else { return true };
             let new = PushContact::new(contact.particle, mover as u32, center, contact.point - center, contact.normal);
             let extra = contact.angular_velocity - Vec3A::from(obstacle.angular_velocity);
+            note(pushed, body);
             pushes.push(PushContact { friction: contact.friction, extra, ..new });
             false
         });
@@ -155,6 +161,7 @@ pub(crate) fn gather_movers(
             particles.pin(i, false, false);
             particles.velocity[i] = tied.velocity;
             particles.angular_velocity[i] = tied.spin;
+            note(pushed, tied.body);
             let axes = body.position().rotation;
             ties.push(Tie {
                 particle: pin.particle,
@@ -166,6 +173,12 @@ pub(crate) fn gather_movers(
                 impulse: Vec3A::ZERO,
             });
         }
+    }
+}
+
+fn note(pushed: &mut Vec<RigidBodyHandle>, body: RigidBodyHandle) {
+    if !pushed.contains(&body) {
+        pushed.push(body);
     }
 }
 
@@ -209,7 +222,7 @@ pub(crate) fn solve_pushes(
 
 /// Before Rapier's step: rigid bodies get what their proxies got.
 pub(crate) fn hand_over(time: Res<Time>, mut pushing: ResMut<Pushing>, mut world: ResMut<RapierWorld>) {
-    let Pushing { movers, handles, forces, sent, .. } = &mut *pushing;
+    let Pushing { movers, handles, lulled, forces, sent, .. } = &mut *pushing;
     forces.clear();
     sent.clear();
     let (dt, solver_steps) = (time.delta_secs(), world.parameters.num_solver_iterations);
@@ -217,6 +230,9 @@ pub(crate) fn hand_over(time: Res<Time>, mut pushing: ResMut<Pushing>, mut world
         return;
     }
     for (index, (mover, &handle)) in movers.list.iter().zip(&*handles).enumerate() {
+        if lulled.contains(&handle) {
+            continue;
+        }
         // Asking for it mutably would already count as a change.
         if is_pushed(mover)
             && let Some(body) = world.bodies.get_mut(handle)

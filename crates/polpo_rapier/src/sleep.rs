@@ -1,0 +1,175 @@
+//! Soft bodies that sleep among rigid ones: what keeps them awake, and what goes to sleep with them.
+
+use bevy::prelude::*;
+use polpo::{Awake, Collision, Frozen, Particles, Sleep, Sleeping, Stillness};
+use rapier3d::dynamics::{RigidBody, RigidBodyHandle};
+
+use crate::detect::{bounds_of, layers};
+use crate::movers::is_pushable;
+use crate::plugin::Surroundings;
+use crate::push::Pushing;
+use crate::{PushRigidBodies, PushState, RapierWorld};
+
+/// Bodies near a collider that is not as it was do not sleep. While nothing stirs, nothing is looked at.
+///
+/// Not so what a body carries: a rigid body that it pushes, and that is as quiet as it has to be itself, will sleep with it.
+pub(crate) fn disturb(
+    mut commands: Commands,
+    world: Res<RapierWorld>,
+    surroundings: Res<Surroundings>,
+    mut bodies: Query<
+        (Entity, &Particles, &Transform, &Collision, Option<&Sleep>, &mut Stillness, Has<Sleeping>, Has<PushRigidBodies>),
+        Without<Frozen>,
+    >,
+) {
+    if surroundings.0.stirred.is_empty() {
+        return;
+    }
+    for (entity, particles, transform, collision, sleep, mut stillness, asleep, pushes) in &mut bodies {
+        let Some((mins, maxs)) = bounds_of(particles) else { continue };
+        let layers = layers(collision.memberships, collision.filter);
+        let quiet = sleep.filter(|_| pushes && !asleep).map(|sleep| sleep.quiet_speed(particles));
+        let disturbed = surroundings.0.stirred_near(mins, maxs, transform.translation, layers).any(|stirred| {
+            let carried = stirred.body.filter(|_| quiet.is_some_and(|quiet| stirred.speed <= quiet));
+            carried.is_none_or(|body| resting(&world, body).is_none())
+        });
+        if disturbed {
+            stillness.0 = 0.0;
+            if asleep {
+                commands.entity(entity).remove::<Sleeping>();
+            }
+        }
+    }
+}
+
+/// In phase `DetectContacts`, when it is known who pushes what: bodies that push the same rigid one have been quiet for as long as the least quiet of them, so that they sleep together.
+pub(crate) fn wait_for_each_other(
+    pushing: Res<Pushing>,
+    mut bodies: Query<(&PushState, Option<&mut Stillness>), (With<PushRigidBodies>, Awake)>,
+) {
+    let mut least = vec![f32::INFINITY; pushing.handles.len()];
+    let index_of = |body: &RigidBodyHandle| pushing.handles.iter().position(|other| other == body);
+    let mut waiting = !least.is_empty();
+    while waiting {
+        waiting = false;
+        for (state, still) in &mut bodies {
+            // One without stillness never sleeps.
+            let mut own = still.as_ref().map_or(0.0, |still| still.0);
+            for at in state.pushed.iter().filter_map(index_of) {
+                own = own.min(least[at]);
+            }
+            for at in state.pushed.iter().filter_map(index_of) {
+                waiting |= own < least[at];
+                least[at] = own;
+            }
+            if let Some(mut still) = still
+                && own < still.0
+            {
+                still.0 = own;
+            }
+        }
+    }
+}
+
+/// Before Rapier's step: what those carry that have just fallen asleep sleeps with them, unless one that is awake pushes it too.
+pub(crate) fn lull(
+    mut pushing: ResMut<Pushing>,
+    mut world: ResMut<RapierWorld>,
+    asleep: Query<&PushState, (With<PushRigidBodies>, Added<Sleeping>)>,
+    awake: Query<&PushState, (With<PushRigidBodies>, Awake)>,
+) {
+    let lulled = &mut pushing.lulled;
+    lulled.clear();
+    for state in &asleep {
+        lulled.extend(state.pushed.iter().filter(|body| !awake.iter().any(|other| other.pushed.contains(body))));
+    }
+    lulled.sort_unstable_by_key(|body| body.into_raw_parts());
+    lulled.dedup();
+    lulled.retain(|&body| {
+        let Some(island) = resting(&world, body) else { return false };
+        for body in island {
+            // Asking for it mutably would already count as a change.
+            if world.bodies.get(body).is_some_and(|body| !body.is_sleeping())
+                && let Some(body) = world.bodies.get_mut(body)
+            {
+                body.sleep();
+            }
+        }
+        true
+    });
+}
+
+/// A body that wakes, or is gone, no longer carries what sleeps on it.
+pub(crate) fn wake_carried(remove: On<Remove, Sleeping>, world: ResMut<RapierWorld>, bodies: Query<&PushState>) {
+    wake(remove.entity, world, bodies);
+}
+
+/// One that no longer pushes does not either.
+pub(crate) fn let_go(remove: On<Remove, PushRigidBodies>, world: ResMut<RapierWorld>, bodies: Query<&PushState, With<Sleeping>>) {
+    wake(remove.entity, world, bodies);
+}
+
+fn wake<F: bevy::ecs::query::QueryFilter>(entity: Entity, mut world: ResMut<RapierWorld>, bodies: Query<&PushState, F>) {
+    let Ok(state) = bodies.get(entity) else { return };
+    for &body in &state.pushed {
+        if world.bodies.get(body).is_some_and(RigidBody::is_sleeping)
+            && let Some(body) = world.bodies.get_mut(body)
+        {
+            body.wake_up(true);
+        }
+    }
+}
+
+/// `body` and all dynamic bodies that hang together with it by contacts and joints, if none of them moves faster than Rapier lets it sleep. Rapier steps a body that sleeps among others that do not, so they sleep together or not at
+/// all.
+fn resting(world: &RapierWorld, body: RigidBodyHandle) -> Option<Vec<RigidBodyHandle>> {
+    if !is_pushable(world, body) {
+        return None;
+    }
+    let mut island = vec![body];
+    let mut at = 0;
+    while let Some(&handle) = island.get(at) {
+        at += 1;
+        let body = world.bodies.get(handle)?;
+        if !may_sleep(body, world.parameters.length_unit) {
+            return None;
+        }
+        let mut join = |other: RigidBodyHandle| {
+            if !island.contains(&other) && world.bodies.get(other).is_some_and(|other| !other.is_fixed()) {
+                // What is driven does not hang on what it drives, but must be at rest like the others.
+                island.push(other);
+            }
+        };
+        if !body.is_dynamic() {
+            continue;
+        }
+        for &collider in body.colliders() {
+            for pair in world.narrow_phase.contact_pairs_with(collider).filter(|pair| pair.has_any_active_contact()) {
+                for collider in [pair.collider1, pair.collider2] {
+                    if let Some(parent) = world.colliders.get(collider).and_then(|collider| collider.parent()) {
+                        join(parent);
+                    }
+                }
+            }
+        }
+        for (first, second, ..) in world.impulse_joints.attached_enabled_joints(handle) {
+            join(first);
+            join(second);
+        }
+        for other in world.multibody_joints.attached_bodies(handle) {
+            join(other);
+        }
+    }
+    island.retain(|&body| is_pushable(world, body));
+    Some(island)
+}
+
+fn may_sleep(body: &RigidBody, length_unit: f32) -> bool {
+    if !body.is_dynamic() {
+        return !body.is_moving();
+    }
+    let activation = body.activation();
+    let (linear, angular) = (activation.normalized_linear_threshold * length_unit, activation.angular_threshold);
+    // Also false where the thresholds are negative, which is how Rapier says that a body never sleeps.
+    body.is_sleeping() || (body.linvel().length() < linear && body.angvel().length() < angular)
+}

@@ -2,8 +2,8 @@
 
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo::Particles;
 use polpo::prelude::*;
+use polpo::{Particles, Stillness};
 use polpo_rapier::{PushRigidBodies, RapierWorld};
 use polpo_tests::{cube, simulation, state_of, steps};
 use rapier3d::prelude::*;
@@ -55,6 +55,7 @@ impl Room {
             tenths += 1;
         }
         assert_eq!(self.asleep(), all, "after half a minute");
+        assert!(self.places().iter().all(|(at, _)| at.y > 0.55), "carried: {:?}", self.places());
         println!("asleep after {:.1} s", 0.1 * tenths as f32);
         let before = (state_of(self.app.world_mut()), self.places());
         for _ in 0..600 {
@@ -79,16 +80,27 @@ fn a_box_on_a_jelly_sleeps_with_it() {
     jelly_with_box().sleep();
 }
 
+/// Though Rapier would let the upper box lie for a minute before it sleeps.
 #[test]
 fn a_tower_on_a_jelly_sleeps_with_it() {
-    jelly_with_box().rigid(Vec3::new(0.05, 1.1, 0.02), Vec3::splat(0.14), true).sleep();
+    let room = Room::new().jelly(Vec3::Y * 0.3).rigid(Vec3::Y * 0.66, Vec3::new(0.2, 0.05, 0.2), true);
+    let mut room = room.rigid(Vec3::new(0.03, 0.77, 0.01), Vec3::new(0.1, 0.05, 0.1), true);
+    let upper = room.boxes[1];
+    room.app.world_mut().resource_mut::<RapierWorld>().bodies[upper].activation_mut().time_until_sleep = 60.0;
+    room.sleep();
 }
 
-/// They sleep together though the one has been quiet for longer.
 #[test]
-fn two_jellies_under_one_plate_sleep_with_it() {
+fn two_jellies_under_one_plate_wait_for_each_other() {
     let room = Room::new().jelly(Vec3::new(-0.5, 0.3, 0.0)).jelly(Vec3::new(0.5, 0.3, 0.0));
-    room.rigid(Vec3::Y * 0.65, Vec3::new(0.9, 0.04, 0.3), true).sleep();
+    let mut room = room.rigid(Vec3::Y * 0.65, Vec3::new(0.9, 0.04, 0.3), true);
+    for _ in 0..900 {
+        let last = room.jellies[1];
+        room.app.world_mut().get_mut::<Stillness>(last).unwrap().0 = 0.0;
+        steps(&mut room.app, 1);
+        assert_eq!(room.asleep(), [0, 0]);
+    }
+    room.sleep();
 }
 
 #[test]

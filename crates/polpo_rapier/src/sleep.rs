@@ -87,7 +87,7 @@ pub(crate) fn lull(
     lulled.dedup();
     lulled.retain(|&body| {
         let Some(island) = resting(&world, body) else { return false };
-        for body in island.into_iter().take(1) {
+        for body in island {
             // Asking for it mutably would already count as a change.
             if world.bodies.get(body).is_some_and(|body| !body.is_sleeping())
                 && let Some(body) = world.bodies.get_mut(body)

@@ -81,7 +81,7 @@ pub struct PinBroken {
     pub force: f32,
 }
 
-/// What the pins of a body did.
+/// What the pins of a body did. There while [`Pins`] is.
 #[derive(Component, Debug, Clone, Default)]
 pub struct PinState {
     /// Which particles are pinned, so that they can be freed.
@@ -145,10 +145,11 @@ pub(crate) fn target_of(pin: &Pin, particles: &Particles, origin: &Transform, pl
 }
 
 /// A body that loses its pins is free.
-pub(crate) fn release_pins(remove: On<Remove, Pins>, mut bodies: Query<(&mut Particles, &mut PinState)>) {
+pub(crate) fn release_pins(remove: On<Remove, Pins>, mut commands: Commands, mut bodies: Query<(&mut Particles, &mut PinState)>) {
     if let Ok((mut particles, mut state)) = bodies.get_mut(remove.entity) {
         release(&mut particles, &mut state.held);
         particles.reaction.clear();
+        commands.entity(remove.entity).try_remove::<PinState>();
     }
 }
 

@@ -197,7 +197,7 @@ pub(crate) fn solve_pushes(
         movers.stand(dt);
     }
     for (mut particles, contacts, collision, mut state) in &mut bodies {
-        undo_overlaps(&mut state.contacts, movers, &contacts.list, &mut particles, dt, collision.push_speed);
+        undo_overlaps(&mut state.contacts, movers, &contacts.list, &mut particles, dt, collision.push_speed.max(0.0));
         for tie in &state.ties {
             if let Some(reaction) = particles.reaction.get_mut(tie.particle as usize) {
                 *reaction += tie.impulse;

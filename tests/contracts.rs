@@ -22,6 +22,8 @@ mod joints;
 mod octopus_scene;
 #[path = "contracts/pairs.rs"]
 mod pairs;
+#[path = "contracts/pinned_groups.rs"]
+mod pinned_groups;
 #[path = "contracts/pins.rs"]
 mod pins;
 #[path = "contracts/plasticity.rs"]

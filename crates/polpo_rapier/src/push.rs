@@ -16,7 +16,7 @@ use crate::{RapierWorld, RigidBodyFollower};
 /// Within the soft bodies' substeps the rigid body is a proxy that takes each impulse at once; the sum is handed to Rapier before its step, and wakes the body. Locked axes stay locked. A particle that is jammed between a
 /// rigid body and the ground carries it as the ground would, whatever their masses.
 ///
-/// What goes wrong: a body on joints gives way in the substeps as if it had none, and Rapier's step puts it right; links of a multibody are not pushed; a light rigid body under a heavy soft one is pressed into what it
+/// What goes wrong: a body on joints gives way in the substeps as if it had none, and Rapier's step puts it right; a light rigid body under a heavy soft one is pressed into what it
 /// stands on for the length of a step. Rapier puts a body to sleep by its speed, this wakes it as long as a soft body that is awake touches it.
 #[derive(Component, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[require(PushState, Contacts)]

@@ -6,6 +6,7 @@ use rapier3d::math::{Pose, Vector};
 use rapier3d::parry::bounding_volume::Aabb;
 
 use crate::candidates::{Candidate, When, reduce};
+use crate::last_look::Seen;
 use crate::nearest::{Nearest, nearest};
 use crate::obstacles::{Frame, Obstacle, Obstacles};
 use crate::parts::{is_one_sided, visit_parts, way_out};
@@ -49,6 +50,16 @@ pub struct ContactDetector {
     candidates: Vec<Candidate>,
     /// For each contact found last, the index of its obstacle.
     pub(crate) sources: Vec<u32>,
+    /// For each particle, where it was looked for contacts.
+    pub(crate) seen: Vec<Seen>,
+    /// Whether anything that moves is near.
+    pub(crate) astir: bool,
+    /// Scratch of the last look: particles that strayed, and obstacles they may meet.
+    pub(crate) strayed: Vec<u32>,
+    pub(crate) met: Vec<u32>,
+    /// Of the last looks since the detection: how many rays were cast at parts of colliders, and how many hit.
+    pub(crate) casts: u32,
+    pub(crate) hits: u32,
 }
 
 /// An obstacle near the body: its index, and where it is now, at the end of the step and at the start of the last one.
@@ -81,13 +92,17 @@ impl ContactDetector {
     ) {
         contacts.list.clear();
         self.sources.clear();
+        self.seen.clear();
+        (self.casts, self.hits) = (0, 0);
         let p = body.particles;
         if free.position.len() != p.len() {
             free.position.clear();
             free.position.extend(p.position.iter().map(|x| Vector::from(*x)));
         }
         self.gather_near(body, obstacles, &free.position);
+        self.astir = self.near.iter().any(|near| obstacles.list[near.index as usize].moves());
         if self.near.is_empty() {
+            self.seen.extend((0..p.len()).map(|i| Seen::new(p, i, way(body, i))));
             for (free, x) in free.position.iter_mut().zip(&p.position) {
                 *free = (*x).into();
             }
@@ -95,6 +110,15 @@ impl ContactDetector {
         }
         for i in 0..p.len() {
             self.find(body, i, obstacles, colliders, Some(free.position[i]));
+            let mut seen = Seen::new(p, i, way(body, i));
+            for found in &self.candidates {
+                match found.when {
+                    When::Later(share) => seen.share = seen.share.min(share),
+                    When::Crossed => seen.returning = Some(self.near[found.obstacle as usize].index),
+                    When::Now => {}
+                }
+            }
+            self.seen.push(seen);
             let now = Vector::from(p.position[i]);
             free.position[i] = match self.candidates.first() {
                 // Not where it came from but above where it is now: it may slide on under the surface, past other triangles.

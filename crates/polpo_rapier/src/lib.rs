@@ -30,6 +30,7 @@ mod candidates;
 mod cast;
 mod detect;
 mod follower;
+mod last_look;
 mod movers;
 mod nearest;
 mod obstacles;

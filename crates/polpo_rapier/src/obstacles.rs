@@ -241,12 +241,20 @@ impl Obstacle {
     ///
     /// The difference of two places far out is exact; only then is it rotated and added to.
     pub(crate) fn frames(&self, origin: Vector, dt: f32) -> [Frame; 3] {
-        let now = Frame { translation: (self.anchor - origin) + self.offset, rotation: self.rotation };
-        let moved = |velocity: Vector, angular: Vector, dt: f32| Frame {
-            translation: now.translation + velocity * dt,
-            rotation: turned(now.rotation, angular, dt),
+        let [now, end] = [0.0, dt].map(|time| self.frame_at(origin, time));
+        let before = Frame {
+            translation: now.translation - self.last_velocity * dt,
+            rotation: turned(now.rotation, self.last_angular_velocity, -dt),
         };
-        [now, moved(self.velocity, self.angular_velocity, dt), moved(self.last_velocity, self.last_angular_velocity, -dt)]
+        [now, end, before]
+    }
+
+    /// Where it is `time` \[s\] after the step's start, relative to `origin`.
+    pub(crate) fn frame_at(&self, origin: Vector, time: f32) -> Frame {
+        Frame {
+            translation: (self.anchor - origin) + self.offset + self.velocity * time,
+            rotation: turned(self.rotation, self.angular_velocity, time),
+        }
     }
 
     /// The velocity over the step of `dt` of the plane with normal `n` at `at` \[m/s\]. `at` and `frame`, where the obstacle is now, are relative to a body's origin.
@@ -321,7 +329,7 @@ fn motion(body: &RigidBody, offset: Vector, dt: f32) -> (Vector, Vector, Vector)
 }
 
 fn turned(rotation: Rotation, angular_velocity: Vector, dt: f32) -> Rotation {
-    if angular_velocity == Vector::ZERO { rotation } else { (quat_exp((angular_velocity * dt).into()) * rotation).normalize() }
+    if angular_velocity == Vector::ZERO || dt == 0.0 { rotation } else { (quat_exp((angular_velocity * dt).into()) * rotation).normalize() }
 }
 
 /// The box around a turned box.

@@ -5,12 +5,15 @@ use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use polpo::{
-    Awake, Collision, ContactMemory, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness, SubstepSchedule,
+    Awake, Collision, ContactMemory, Contacts, ExplicitState, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness,
+    SubstepSchedule, SubstepTime,
 };
+use polpo_solver::land_explicit_groups;
 
-use crate::detect::bounds_of;
+use crate::detect::{bounds_of, layers};
+use crate::last_look::Look;
 use crate::push::Pushing;
-use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld, follower, push, touched};
+use crate::{ContactDetector, DetectionInput, Obstacles, PushRigidBodies, RapierWorld, follower, push, touched};
 
 /// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
 ///
@@ -70,7 +73,10 @@ impl Plugin for PolpoRapierPlugin {
                     (push::hand_over, step_rigid_bodies, push::after_rapier, follower::follow).chain().in_set(RapierSystems::Step),
                 ),
             )
-            .add_systems(SubstepSchedule, push::solve_pushes.after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate));
+            .add_systems(
+                SubstepSchedule,
+                (push::solve_pushes, look_last).chain().after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate),
+            );
     }
 }
 
@@ -91,7 +97,7 @@ fn disturb(
     }
     for (entity, particles, transform, collision, mut stillness, asleep) in &mut bodies {
         let Some((mins, maxs)) = bounds_of(particles) else { continue };
-        let layers = crate::detect::layers(collision.memberships, collision.filter);
+        let layers = layers(collision.memberships, collision.filter);
         if surroundings.0.are_stirred_near(mins, maxs, transform.translation, layers) {
             stillness.0 = 0.0;
             if asleep {
@@ -142,6 +148,43 @@ fn detect_contacts(
         bodies.par_iter_mut().batching_strategy(BatchingStrategy::new().max_batch_size(1)).for_each(detect);
     } else {
         bodies.iter_mut().for_each(detect);
+    }
+}
+
+/// After all that moves particles in a substep: those that left the way they were expected on do not go into colliders.
+///
+/// What a member of a rigid group was put back by acts on the whole group; that may bring another member in, which is put back in its turn.
+fn look_last(
+    time: Res<SubstepTime>,
+    step: Res<Time>,
+    world: Res<RapierWorld>,
+    surroundings: Res<Surroundings>,
+    pushing: Res<Pushing>,
+    mut bodies: Query<
+        (&mut Particles, &Transform, &Collision, &mut Detector, Option<&mut ExplicitState>, Has<PushRigidBodies>),
+        (With<Contacts>, Awake),
+    >,
+) {
+    const ROUNDS: usize = 3;
+    if surroundings.0.is_empty() {
+        return;
+    }
+    for (mut particles, transform, collision, mut detector, mut groups, pushes) in &mut bodies {
+        let look = Look {
+            origin: transform.translation,
+            begin: time.index as f32 * time.delta,
+            dt: time.delta,
+            step: step.delta_secs(),
+            layers: layers(collision.memberships, collision.filter),
+            spared: if pushes { pushing.handles() } else { &[] },
+        };
+        for round in 1..=ROUNDS {
+            let any = detector.0.last_look(&mut particles, &look, &surroundings.0, &world.colliders);
+            match &mut groups {
+                Some(groups) if any && round < ROUNDS => land_explicit_groups(groups, &mut particles, time.delta),
+                _ => break,
+            }
+        }
     }
 }
 

@@ -82,7 +82,7 @@ struct Entry {
 }
 
 /// A centre that is put back stays this share of its smallest radius off the surface.
-const OFF: f32 = 0.02;
+const OFF: f32 = 0.1;
 /// So many surfaces in one substep hold a particle fast: three make a corner.
 const SURFACES: usize = 4;
 

@@ -338,10 +338,16 @@ fn check(rate: f64, known: [[usize; 2]; 7]) {
         assert!(broken.is_empty(), "not finite: {broken:?}");
         let out: Vec<_> = these().filter(|r| r.out > 0.0).map(|r| (r.out, r.case)).collect();
         let over: Vec<_> = these().filter(|r| r.energy > 1.01 * r.bound).map(|r| (r.energy / r.bound, r.case)).collect();
-        for (r, c) in &out { println!("OUT {r:.3} {c:?}"); }
-        for (r, c) in &over { println!("OVER {r:.3} {c:?}"); }
+        for (r, c) in &out {
+            println!("OUT {r:.3} {c:?}");
+        }
+        for (r, c) in &over {
+            println!("OVER {r:.3} {c:?}");
+        }
         println!("{start:?}: {} out of the room, {} over the bound; known are {} and {}", out.len(), over.len(), known[0], known[1]);
-        if std::env::var("NOASSERT").is_ok() { continue; }
+        if std::env::var("NOASSERT").is_ok() {
+            continue;
+        }
         assert!(out.len() <= known[0], "{} left the room, {} are known: {out:#?}", out.len(), known[0]);
         assert!(over.len() <= known[1], "{} are over the bound, {} are known: {over:#?}", over.len(), known[1]);
     }
@@ -390,7 +396,13 @@ fn debug_one() {
             let p = app.world().get::<Particles>(body).expect("a body");
             let origin = app.world().get::<Transform>(body).expect("a body").translation - run.centre;
             for i in 0..p.len() {
-                println!("{k} {i} x {:?} v {:?} w {:?} E {:.3}", (origin + Vec3::from(p.position[i])) / scale, p.velocity[i], p.angular_velocity[i], e / run.bound);
+                println!(
+                    "{k} {i} x {:?} v {:?} w {:?} E {:.3}",
+                    (origin + Vec3::from(p.position[i])) / scale,
+                    p.velocity[i],
+                    p.angular_velocity[i],
+                    e / run.bound
+                );
             }
         }
     }

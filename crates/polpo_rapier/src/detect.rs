@@ -111,7 +111,12 @@ impl ContactDetector {
         for i in 0..p.len() {
             self.find(body, i, obstacles, colliders, Some(free.position[i]));
             let mut seen = Seen::new(p, i, way(body, i));
+            let least = p.radii[i].min_element();
             for found in &self.candidates {
+                // So deep in something that planes were taken for hidden that are not.
+                if found.distance < 2.0 * FLUSH * least {
+                    seen.margin = 0.0;
+                }
                 match found.when {
                     When::Later(share) => seen.share = seen.share.min(share),
                     When::Crossed => seen.returning = Some(self.near[found.obstacle as usize].index),

@@ -29,7 +29,7 @@ pub(crate) struct Seen {
     /// The share of the way up to the first plane on it: what comes behind may not have been seen.
     pub(crate) share: f32,
     /// Of the particle's smallest radius: nothing is so near to the way without being seen \[m\].
-    margin: f32,
+    pub(crate) margin: f32,
     /// The index of the obstacle through which it is on its way back.
     pub(crate) returning: Option<u32>,
 }
@@ -68,6 +68,9 @@ pub(crate) struct Look<'a> {
 struct Way {
     places: [Vector; 2],
     times: [f32; 2],
+    /// The particle's smallest radius \[m\], and what it is on its way back through.
+    least: f32,
+    returning: Option<u32>,
 }
 
 /// A centre goes into an obstacle.
@@ -122,12 +125,16 @@ impl ContactDetector {
         let mut any = false;
         for k in 0..self.strayed.len() {
             let i = self.strayed[k] as usize;
-            let mut way =
-                Way { places: [p.previous_position[i], p.position[i]].map(Vector::from), times: [look.begin, end] };
+            let mut way = Way {
+                places: [p.previous_position[i], p.position[i]].map(Vector::from),
+                times: [look.begin, end],
+                least: p.radii[i].min_element(),
+                returning: self.seen[i].returning,
+            };
             let mut velocity = Vector::from(p.velocity[i]);
             let mut caught = false;
             for surface in 1..=SURFACES {
-                let Some(entry) = self.first_entry(i, &way, look, obstacles, colliders) else { break };
+                let Some(entry) = self.first_entry(&way, look, obstacles, colliders) else { break };
                 let obstacle = &obstacles.list[entry.obstacle as usize];
                 let when = way.times[0] + (way.times[1] - way.times[0]) * entry.share;
                 let [there, last] = [when, end].map(|time| obstacle.frame_at(look.origin, time));
@@ -139,7 +146,7 @@ impl ContactDetector {
                 let inside = mins.cmple(on).all() && on.cmple(maxs).all();
                 if surface < SURFACES && inside {
                     velocity += normal * normal.dot(material - velocity).max(0.0);
-                    way = Way { places: [place, on], times: [when, end] };
+                    way = Way { places: [place, on], times: [when, end], ..way };
                 } else {
                     velocity = material;
                     way.places[1] = last.outside(entry.place);
@@ -160,16 +167,15 @@ impl ContactDetector {
     }
 
     /// The first thing that the centre of particle `i` goes into on its way.
-    fn first_entry(&mut self, i: usize, way: &Way, look: &Look, obstacles: &Obstacles, colliders: &ColliderSet) -> Option<Entry> {
-        let seen = self.seen[i];
+    fn first_entry(&mut self, way: &Way, look: &Look, obstacles: &Obstacles, colliders: &ColliderSet) -> Option<Entry> {
         let mut first: Option<Entry> = None;
         for &index in &self.met {
             let obstacle = &obstacles.list[index as usize];
-            let Some(collider) = colliders.get(obstacle.handle).filter(|_| seen.returning != Some(index)) else { continue };
+            let Some(collider) = colliders.get(obstacle.handle).filter(|_| way.returning != Some(index)) else { continue };
             let shape = collider.shape();
             let [from, to] = [0, 1].map(|k| obstacle.frame_at(look.origin, way.times[k]).inside(way.places[k]));
             // Also what floats resolve so far from the shape's origin.
-            let off = (OFF * seen.margin).max(4e-7 * from.abs().max(to.abs()).max_element());
+            let off = (OFF * way.least).max(4e-7 * from.abs().max(to.abs()).max_element());
             let bounds = Aabb::new(from.min(to) - off, from.max(to) + off);
             if !obstacle.local_bounds.intersects(&bounds) {
                 continue;
@@ -189,7 +195,7 @@ impl ContactDetector {
                     (there.distance, there)
                 };
                 let Some((share, hit)) = cast(begin, end, off, (here.distance, here), point) else { return };
-                let leaves = hit.normal.dot(end - hit.point) >= 0.0;
+                let leaves = hit.normal.dot(end - hit.point) >= 0.5 * off || hit.normal.dot(end - begin) >= 0.0;
                 let from_behind = one_sided && part.as_triangle().is_some_and(|t| t.scaled_normal().dot(hit.normal) < 0.0);
                 if !leaves && !from_behind && first.is_none_or(|first| share < first.share) {
                     let normal = pose.map_or(hit.normal, |pose| pose.rotation * hit.normal);

@@ -338,16 +338,7 @@ fn check(rate: f64, known: [[usize; 2]; 7]) {
         assert!(broken.is_empty(), "not finite: {broken:?}");
         let out: Vec<_> = these().filter(|r| r.out > 0.0).map(|r| (r.out, r.case)).collect();
         let over: Vec<_> = these().filter(|r| r.energy > 1.01 * r.bound).map(|r| (r.energy / r.bound, r.case)).collect();
-        for (r, c) in &out {
-            println!("OUT {r:.3} {c:?}");
-        }
-        for (r, c) in &over {
-            println!("OVER {r:.3} {c:?}");
-        }
         println!("{start:?}: {} out of the room, {} over the bound; known are {} and {}", out.len(), over.len(), known[0], known[1]);
-        if std::env::var("NOASSERT").is_ok() {
-            continue;
-        }
         assert!(out.len() <= known[0], "{} left the room, {} are known: {out:#?}", out.len(), known[0]);
         assert!(over.len() <= known[1], "{} are over the bound, {} are known: {over:#?}", over.len(), known[1]);
     }
@@ -371,40 +362,4 @@ fn at_240_hz() {
 #[test]
 fn at_1000_hz() {
     check(1000.0, [[0, 0], [90, 0], [0, 0], [0, 0], [0, 2], [0, 2], [17, 8]]);
-}
-
-#[test]
-fn debug_one() {
-    let get = |k: &str, d: &str| std::env::var(k).unwrap_or(d.into());
-    let rate: f64 = get("RATE", "15").parse().unwrap();
-    let substeps: u32 = get("SUB", "1").parse().unwrap();
-    let mut app = simulation_at(rate);
-    app.insert_resource(SolverSettings { substeps, iterations: 1 });
-    let scale: f32 = get("SCALE", "0.001").parse().unwrap();
-    let shape = Shape::ALL.into_iter().find(|s| format!("{s:?}") == get("SHAPE", "Single")).unwrap();
-    let start = Start::ALL.into_iter().find(|s| format!("{s:?}") == get("START", "Fast")).unwrap();
-    let resistance = Resistance::ALL.into_iter().find(|s| format!("{s:?}") == get("RES", "None")).unwrap();
-    let ratio: f32 = get("RATIO", "1").parse().unwrap();
-    let case = Case { resistance, rate, substeps, ratio, scale, shape, start };
-    let index: usize = get("INDEX", "0").parse().unwrap();
-    let mut run = case.spawn(&mut app, index);
-    for k in 0..get("STEPS", "40").parse().unwrap() {
-        steps(&mut app, 1);
-        run.look(&app);
-        let e = run.energy(&app).unwrap_or(f64::NAN);
-        for &body in &run.bodies {
-            let p = app.world().get::<Particles>(body).expect("a body");
-            let origin = app.world().get::<Transform>(body).expect("a body").translation - run.centre;
-            for i in 0..p.len() {
-                println!(
-                    "{k} {i} x {:?} v {:?} w {:?} E {:.3}",
-                    (origin + Vec3::from(p.position[i])) / scale,
-                    p.velocity[i],
-                    p.angular_velocity[i],
-                    e / run.bound
-                );
-            }
-        }
-    }
-    println!("out {} energy {}", run.out, run.energy / run.bound);
 }

@@ -109,18 +109,15 @@ impl ContactDetector {
             return;
         }
         for i in 0..p.len() {
-            self.find(body, i, obstacles, colliders, Some(free.position[i]));
+            let ahead = self.find(body, i, obstacles, colliders, Some(free.position[i]));
             let mut seen = Seen::new(p, i, way(body, i));
-            let least = p.radii[i].min_element();
+            seen.share = ahead;
             for found in &self.candidates {
-                // So deep in something that planes were taken for hidden that are not.
-                if found.distance < 2.0 * FLUSH * least {
-                    seen.margin = 0.0;
-                }
                 match found.when {
-                    When::Later(share) => seen.share = seen.share.min(share),
+                    // What it hides is at least as far away.
+                    When::Now => seen.margin = seen.margin.min(found.distance),
+                    When::Later(_) => {}
                     When::Crossed => seen.returning = Some(self.near[found.obstacle as usize].index),
-                    When::Now => {}
                 }
             }
             self.seen.push(seen);
@@ -200,8 +197,8 @@ impl ContactDetector {
         }
     }
 
-    /// The planes of particle `i`, reduced, into `self.candidates`.
-    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vector>) {
+    /// The planes of particle `i`, reduced, into `self.candidates`. Returns after which share of the step it meets the first that is ahead, kept or not; 1 if none is.
+    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vector>) -> f32 {
         self.candidates.clear();
         let p = body.particles;
         let now = Vector::from(p.position[i]);
@@ -210,7 +207,7 @@ impl ContactDetector {
         let (bound, least) = (ellipsoid.bound(), ellipsoid.radii.min_element());
         let slack = SLACK * bound;
         if !(end.is_finite() && ellipsoid.orientation.is_finite()) {
-            return;
+            return 1.0;
         }
         let reach = Vector::splat(bound + slack);
         // Not where it goes by itself, but where those that still fly will press it when their body comes down.
@@ -249,7 +246,10 @@ impl ContactDetector {
                 Ask { near: near as u32, obstacle, frame, dt: body.dt, step: frame.rotation.inverse() * relative, shape: collider.shape() };
             ask.collect(probe, &mut self.candidates);
         }
+        let ahead = self.candidates.iter().filter_map(|c| if let When::Later(share) = c.when { Some(share) } else { None });
+        let ahead = ahead.fold(1.0, f32::min);
         reduce(&mut self.candidates, FLUSH * least);
+        ahead
     }
 }
 

@@ -45,7 +45,7 @@ impl Seen {
         let ahead = at - self.from;
         let square = self.way.length_squared();
         let along = time.unwrap_or(if square > 0.0 { ahead.dot(self.way) / square } else { 0.0 });
-        ahead.distance_squared(self.way * along.clamp(0.0, self.share)) <= self.margin * self.margin
+        ahead.distance(self.way * along.clamp(0.0, self.share)) <= self.margin
     }
 }
 

@@ -6,7 +6,7 @@ use rapier3d::math::{Pose, Vector};
 use rapier3d::parry::bounding_volume::Aabb;
 
 use crate::candidates::{Candidate, When, reduce};
-use crate::last_look::Seen;
+use crate::last_look::{LastLook, Seen};
 use crate::nearest::{Nearest, nearest};
 use crate::obstacles::{Frame, Obstacle, Obstacles};
 use crate::parts::{is_one_sided, visit_parts, way_out};
@@ -57,9 +57,8 @@ pub struct ContactDetector {
     /// Scratch of the last look: particles that strayed, and obstacles they may meet.
     pub(crate) strayed: Vec<u32>,
     pub(crate) met: Vec<u32>,
-    /// Of the last looks since the detection: how many rays were cast at parts of colliders, and how many hit.
-    pub(crate) casts: u32,
-    pub(crate) hits: u32,
+    /// Of the last looks since the detection.
+    pub(crate) looked: LastLook,
 }
 
 /// An obstacle near the body: its index, and where it is now, at the end of the step and at the start of the last one.
@@ -93,7 +92,7 @@ impl ContactDetector {
         contacts.list.clear();
         self.sources.clear();
         self.seen.clear();
-        (self.casts, self.hits) = (0, 0);
+        self.looked = LastLook::default();
         let p = body.particles;
         if free.position.len() != p.len() {
             free.position.clear();

@@ -9,17 +9,99 @@
 //!
 //! What begins inside a part is not held by that part, but by all others. A surface with one good side holds only what comes from there.
 
-use polpo_solver::Particles;
+use bevy::ecs::batching::BatchingStrategy;
+use bevy::prelude::*;
+use polpo::{Awake, Collision, ExplicitState, SubstepTime};
+use polpo_solver::{Particles, land_explicit_groups};
 use rapier3d::dynamics::RigidBodyHandle;
 use rapier3d::geometry::{BoundingVolume, ColliderSet, InteractionGroups};
 use rapier3d::math::Vector;
 use rapier3d::parry::bounding_volume::Aabb;
 
-use crate::ContactDetector;
 use crate::cast::cast;
+use crate::detect::layers;
 use crate::nearest::nearest;
 use crate::obstacles::Obstacles;
 use crate::parts::{is_one_sided, visit_parts};
+use crate::plugin::{Detector, Surroundings};
+use crate::push::Pushing;
+use crate::{ContactDetector, PushRigidBodies, RapierWorld};
+
+/// What the last looks of the running step have done so far, for all bodies.
+///
+/// The contacts of a step are those that a particle may meet on its straight way. So at the end of every substep, the centre of a particle that left its way is looked after: if it has gone into a collider, it is put back to the
+/// surface and loses the velocity into it. That should be rare: it acts without friction and gives dynamic bodies no impulse. If it is not, take more substeps.
+///
+/// Held by it are the centres of all particles that are not pinned, by all colliders except those inside which they began the substep, those they are on their way back through, and those that the
+/// body pushes ([`PushRigidBodies`]).
+#[derive(Resource, Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LastLook {
+    /// How often a way was cast against a part of a collider: what it costs.
+    pub casts: u32,
+    /// How many particles were put back, counted in every substep.
+    pub put_back: u32,
+}
+
+/// In every substep, after all that moves particles.
+///
+/// What a member of a rigid group was put back by acts on the whole group; that may bring another member into something, which is put back in its turn.
+pub(crate) fn last_look(
+    (time, step): (Res<SubstepTime>, Res<Time>),
+    world: Res<RapierWorld>,
+    surroundings: Res<Surroundings>,
+    pushing: Res<Pushing>,
+    mut total: ResMut<LastLook>,
+    mut bodies: Query<
+        (&mut polpo::Particles, &Transform, &Collision, &mut Detector, Option<&mut ExplicitState>, Has<PushRigidBodies>),
+        Awake,
+    >,
+) {
+    /// What it takes to see that a particle is on its way, and what a parallel query must save before it gains anything \[ns\].
+    const PARTICLE: usize = 5;
+    const WORTHWHILE: usize = 200_000;
+    /// After the last, members of a group may be put back one by one.
+    const ROUNDS: usize = 3;
+    *total = LastLook::default();
+    let (obstacles, colliders) = (&surroundings.0, &world.colliders);
+    if obstacles.is_empty() {
+        return;
+    }
+    let look_at = |(mut particles, transform, collision, mut detector, mut groups, pushes): (
+        Mut<polpo::Particles>,
+        &Transform,
+        &Collision,
+        Mut<Detector>,
+        Option<Mut<ExplicitState>>,
+        bool,
+    )| {
+        let look = Look {
+            origin: transform.translation,
+            begin: time.index as f32 * time.delta,
+            dt: time.delta,
+            step: step.delta_secs(),
+            layers: layers(collision.memberships, collision.filter),
+            spared: if pushes { pushing.handles() } else { &[] },
+        };
+        for round in 1..=ROUNDS {
+            let any = detector.0.put_back(&mut particles, &look, obstacles, colliders);
+            match &mut groups {
+                Some(groups) if any && round < ROUNDS => land_explicit_groups(groups, &mut particles, time.delta),
+                _ => break,
+            }
+        }
+    };
+    // Bodies do not see each other here, so the result does not depend on the number of threads.
+    let cost: usize = bodies.iter().map(|(particles, ..)| particles.len() * PARTICLE).sum();
+    if cost > WORTHWHILE {
+        bodies.par_iter_mut().batching_strategy(BatchingStrategy::new().max_batch_size(1)).for_each(look_at);
+    } else {
+        bodies.iter_mut().for_each(look_at);
+    }
+    for (.., detector, _, _) in &bodies {
+        total.casts += detector.0.looked.casts;
+        total.put_back += detector.0.looked.put_back;
+    }
+}
 
 /// What the detection foresaw of a particle.
 #[derive(Clone, Copy, Debug)]
@@ -51,16 +133,16 @@ impl Seen {
 
 /// A substep to look back on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Look<'a> {
+struct Look<'a> {
     /// Where the particles' origin is in the world \[m\].
-    pub(crate) origin: Vector,
+    origin: Vector,
     /// When it began, and how long it is and the whole step \[s\].
-    pub(crate) begin: f32,
-    pub(crate) dt: f32,
-    pub(crate) step: f32,
-    pub(crate) layers: InteractionGroups,
+    begin: f32,
+    dt: f32,
+    step: f32,
+    layers: InteractionGroups,
     /// Rigid bodies that do not count: where they are in the substep is not known here.
-    pub(crate) spared: &'a [RigidBodyHandle],
+    spared: &'a [RigidBodyHandle],
 }
 
 /// A straight way between two moments, in seconds from the step's start.
@@ -91,7 +173,7 @@ const SURFACES: usize = 4;
 
 impl ContactDetector {
     /// Puts the particles back that went into something. Whether there were any.
-    pub(crate) fn last_look(&mut self, p: &mut Particles, look: &Look, obstacles: &Obstacles, colliders: &ColliderSet) -> bool {
+    fn put_back(&mut self, p: &mut Particles, look: &Look, obstacles: &Obstacles, colliders: &ColliderSet) -> bool {
         if self.seen.len() != p.len() || obstacles.is_empty() {
             return false;
         }
@@ -159,7 +241,7 @@ impl ContactDetector {
             if caught && way.places[1].is_finite() && velocity.is_finite() {
                 p.position[i] = way.places[1].into();
                 p.velocity[i] = velocity.into();
-                self.hits += 1;
+                self.looked.put_back += 1;
                 any = true;
             }
         }
@@ -181,7 +263,7 @@ impl ContactDetector {
                 continue;
             }
             let one_sided = is_one_sided(shape);
-            let casts = &mut self.casts;
+            let casts = &mut self.looked.casts;
             visit_parts(shape, &bounds, &mut |_, pose, part| {
                 let [begin, end] = [from, to].map(|at| pose.map_or(at, |pose| pose.inverse_transform_point(at)));
                 let here = nearest(part, begin);

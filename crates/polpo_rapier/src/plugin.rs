@@ -5,20 +5,19 @@ use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use polpo::{
-    Awake, Collision, ContactMemory, Contacts, ExplicitState, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness,
-    SubstepSchedule, SubstepTime,
+    Awake, Collision, ContactMemory, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness, SubstepSchedule,
 };
-use polpo_solver::land_explicit_groups;
 
 use crate::detect::{bounds_of, layers};
-use crate::last_look::Look;
+use crate::last_look::{self, LastLook};
 use crate::push::Pushing;
-use crate::{ContactDetector, DetectionInput, Obstacles, PushRigidBodies, RapierWorld, follower, push, touched};
+use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld, follower, push, touched};
 
 /// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
 ///
 /// In the step of `polpo::PolpoPlugin`, which must be in the same schedule: in [`PolpoSystems::DetectContacts`] sleeping bodies wake near which a collider moves, has come, gone or changed, and the contacts are
-/// found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the
+/// found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones, and particles that went into colliders where nobody had looked are
+/// put back ([`LastLook`]); after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the
 /// rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
 /// velocity they will have in it.
 pub struct PolpoRapierPlugin {
@@ -58,6 +57,7 @@ impl Plugin for PolpoRapierPlugin {
         app.init_resource::<RapierWorld>()
             .init_resource::<Surroundings>()
             .init_resource::<Pushing>()
+            .init_resource::<LastLook>()
             .init_resource::<Gravity>()
             .register_required_components::<Contacts, ContactMemory>()
             .register_required_components::<Contacts, Detector>()
@@ -75,7 +75,7 @@ impl Plugin for PolpoRapierPlugin {
             )
             .add_systems(
                 SubstepSchedule,
-                (push::solve_pushes, look_last).chain().after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate),
+                (push::solve_pushes, last_look::last_look).chain().after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate),
             );
     }
 }
@@ -148,43 +148,6 @@ fn detect_contacts(
         bodies.par_iter_mut().batching_strategy(BatchingStrategy::new().max_batch_size(1)).for_each(detect);
     } else {
         bodies.iter_mut().for_each(detect);
-    }
-}
-
-/// After all that moves particles in a substep: those that left the way they were expected on do not go into colliders.
-///
-/// What a member of a rigid group was put back by acts on the whole group; that may bring another member in, which is put back in its turn.
-fn look_last(
-    time: Res<SubstepTime>,
-    step: Res<Time>,
-    world: Res<RapierWorld>,
-    surroundings: Res<Surroundings>,
-    pushing: Res<Pushing>,
-    mut bodies: Query<
-        (&mut Particles, &Transform, &Collision, &mut Detector, Option<&mut ExplicitState>, Has<PushRigidBodies>),
-        (With<Contacts>, Awake),
-    >,
-) {
-    const ROUNDS: usize = 3;
-    if surroundings.0.is_empty() {
-        return;
-    }
-    for (mut particles, transform, collision, mut detector, mut groups, pushes) in &mut bodies {
-        let look = Look {
-            origin: transform.translation,
-            begin: time.index as f32 * time.delta,
-            dt: time.delta,
-            step: step.delta_secs(),
-            layers: layers(collision.memberships, collision.filter),
-            spared: if pushes { pushing.handles() } else { &[] },
-        };
-        for round in 1..=ROUNDS {
-            let any = detector.0.last_look(&mut particles, &look, &surroundings.0, &world.colliders);
-            match &mut groups {
-                Some(groups) if any && round < ROUNDS => land_explicit_groups(groups, &mut particles, time.delta),
-                _ => break,
-            }
-        }
     }
 }
 

@@ -16,6 +16,8 @@ mod explicit_groups;
 mod far_from_the_origin;
 #[path = "contracts/free_flight.rs"]
 mod free_flight;
+#[path = "contracts/last_look.rs"]
+mod last_look;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
 #[path = "contracts/pairs.rs"]

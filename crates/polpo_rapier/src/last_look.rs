@@ -60,7 +60,7 @@ pub(crate) fn last_look(
     const PARTICLE: usize = 5;
     const WORTHWHILE: usize = 200_000;
     /// After the last, members of a group may be put back one by one.
-    const ROUNDS: usize = 3;
+    const ROUNDS: usize = 6;
     *total = LastLook::default();
     let (obstacles, colliders) = (&surroundings.0, &world.colliders);
     if obstacles.is_empty() {

@@ -22,6 +22,8 @@ mod free_flight;
 mod groups_in_parallel;
 #[path = "contracts/joints.rs"]
 mod joints;
+#[path = "contracts/last_look.rs"]
+mod last_look;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
 #[path = "contracts/pairs.rs"]

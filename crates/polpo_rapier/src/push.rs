@@ -55,6 +55,11 @@ pub(crate) struct Pushing {
 }
 
 impl Pushing {
+    /// Those that are pushed in this step.
+    pub(crate) fn handles(&self) -> &[RigidBodyHandle] {
+        &self.handles
+    }
+
     /// The index of the mover for `body`, added if it is new. `None` if it cannot be pushed.
     fn index_of(&mut self, world: &RapierWorld, body: RigidBodyHandle, gravity: Vec3) -> Option<usize> {
         if let Some(index) = self.handles.iter().position(|&other| other == body) {

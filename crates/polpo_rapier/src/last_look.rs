@@ -248,7 +248,7 @@ impl ContactDetector {
         any
     }
 
-    /// The first thing that the centre of particle `i` goes into on its way.
+    /// The first thing that a centre goes into on its way.
     fn first_entry(&mut self, way: &Way, look: &Look, obstacles: &Obstacles, colliders: &ColliderSet) -> Option<Entry> {
         let mut first: Option<Entry> = None;
         for &index in &self.met {

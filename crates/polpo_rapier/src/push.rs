@@ -43,6 +43,8 @@ struct Tied {
 /// The rigid bodies that are pushed in this step.
 #[derive(Resource, Default)]
 pub(crate) struct Pushing {
+    /// The soft bodies that push, in the order in which they are solved: that of their entities, not of where their components lie in memory.
+    order: Vec<Entity>,
     movers: Movers,
     /// Theirs, in the same order.
     handles: Vec<RigidBodyHandle>,
@@ -50,7 +52,7 @@ pub(crate) struct Pushing {
     forces: Vec<(RigidBodyHandle, Vec3, Vec3)>,
     /// The velocities that those on joints would have after Rapier's step without joints and gravity, and what these made of them in the last.
     sent: Vec<(RigidBodyHandle, Vec3, Vec3)>,
-    reactions: Vec<Reaction>,
+    pub(crate) reactions: Vec<Reaction>,
 }
 
 impl Pushing {
@@ -105,6 +107,7 @@ pub(crate) fn gather_movers(
     world: Res<RapierWorld>,
     surroundings: Res<Surroundings>,
     mut pushing: ResMut<Pushing>,
+    pushers: Query<Entity, (With<PushRigidBodies>, Awake)>,
     mut bodies: Query<
         (&mut Particles, &Transform, &mut Contacts, &Detector, Option<&Pins>, &mut PushState),
         (With<PushRigidBodies>, Awake),
@@ -114,7 +117,11 @@ pub(crate) fn gather_movers(
     pushing.movers.list.clear();
     pushing.movers.feet.clear();
     pushing.handles.clear();
-    for (mut particles, transform, mut contacts, detector, pins, mut state) in &mut bodies {
+    pushing.order.clear();
+    pushing.order.extend(&pushers);
+    pushing.order.sort_unstable();
+    for at in 0..pushing.order.len() {
+        let Ok((mut particles, transform, mut contacts, detector, pins, mut state)) = bodies.get_mut(pushing.order[at]) else { continue };
         let origin = transform.translation;
         let center_of = |body: RigidBodyHandle| {
             world.bodies.get(body).map(|body| (body.position().translation - origin) + center_arm(body)).map(Vec3A::from)
@@ -177,26 +184,29 @@ pub(crate) fn solve_pushes(
 ) {
     /// Sweeps over all contacts. A box on dozens of jammed particles has settled by then to 1e-5 of its speed.
     const SWEEPS: usize = 8;
-    let movers = &mut pushing.movers;
+    let Pushing { order, movers, .. } = &mut *pushing;
     if movers.list.is_empty() {
         return;
     }
     let dt = time.delta;
     movers.begin(dt);
-    for (particles, _, _, mut state) in &mut bodies {
+    let mut each = bodies.iter_many_mut(&*order);
+    while let Some((particles, _, _, mut state)) = each.fetch_next() {
         begin_pushes(&mut state.contacts, movers, &particles, dt);
         for tie in &mut state.ties {
             tie.impulse = Vec3A::ZERO;
         }
     }
     for _ in 0..SWEEPS {
-        for (mut particles, contacts, _, mut state) in &mut bodies {
+        let mut each = bodies.iter_many_mut(&*order);
+        while let Some((mut particles, contacts, _, mut state)) = each.fetch_next() {
             solve_ties(&mut state.ties, movers, &mut particles, dt);
             sweep_pushes(&mut state.contacts, movers, &contacts.list, &mut particles, dt);
         }
         movers.stand(dt);
     }
-    for (mut particles, contacts, collision, mut state) in &mut bodies {
+    let mut each = bodies.iter_many_mut(&*order);
+    while let Some((mut particles, contacts, collision, mut state)) = each.fetch_next() {
         undo_overlaps(&mut state.contacts, movers, &contacts.list, &mut particles, dt, collision.push_speed);
         for tie in &state.ties {
             if let Some(reaction) = particles.reaction.get_mut(tie.particle as usize) {

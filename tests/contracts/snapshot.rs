@@ -7,9 +7,10 @@ use polpo::{
     BodySnapshot, ContactMemory, Deformable, ExplicitGroup, ExplicitGroups, ExplicitState, ImplicitGroups, Particles, Plasticity,
     SnapshotError,
 };
-use polpo_rapier::{RapierSnapshot, RapierWorld};
+use polpo_rapier::{PushRigidBodies, RapierSnapshot, RapierWorld};
 use polpo_scenes::{OctopusScene, SimulationPlugins, octopus_asset};
 use polpo_tests::{Random, lattice, random_scene, simulation, state_of, steps};
+use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder, SpringJointBuilder};
 
 /// How many steps have to be the same.
 const STEPS: usize = 600;
@@ -63,9 +64,21 @@ fn go_on(app: &mut App) -> Vec<u64> {
         .collect()
 }
 
+/// Puts some bodies to the end of the tables that queries go over, which a new world has in the order of spawning.
+fn shuffle(app: &mut App) {
+    #[derive(Component)]
+    struct Mark;
+    let world = app.world_mut();
+    let bodies: Vec<Entity> = world.query_filtered::<Entity, With<SoftBody>>().iter(world).collect();
+    for &body in bodies.iter().step_by(2) {
+        world.entity_mut(body).insert(Mark).remove::<Mark>();
+    }
+}
+
 /// Keeps after `before` steps, goes on, and goes on again from what was kept: in the same world, whose bodies have moved on meanwhile, and in a new one.
 fn check(name: &str, before: usize, build: impl Fn(&mut App)) {
     let mut app = scene(&build);
+    shuffle(&mut app);
     steps(&mut app, before);
     let kept = keep(&mut app);
     let then = state_of(app.world_mut());
@@ -83,6 +96,23 @@ fn check(name: &str, before: usize, build: impl Fn(&mut App)) {
 fn octopuses_on_the_stairs_go_on_as_they_would_have() {
     // The bar sweeps, octopuses touch the stairs and it.
     check("octopuses", 130, octopuses);
+}
+
+/// Three bodies that push lie on one board, which a joint accelerates.
+#[test]
+fn a_board_on_a_spring_goes_on_as_it_would_have() {
+    check("board", 50, |app| {
+        let mut world = app.world_mut().resource_mut::<RapierWorld>();
+        let world = &mut *world;
+        let above = world.bodies.insert(RigidBodyBuilder::fixed().translation(Vec3::Y * 2.0));
+        let board = world.bodies.insert(RigidBodyBuilder::dynamic().translation(Vec3::Y).linvel(Vec3::X));
+        world.colliders.insert_with_parent(ColliderBuilder::cuboid(0.5, 0.05, 0.5).density(20.0), board, &mut world.bodies);
+        world.impulse_joints.insert(above, board, SpringJointBuilder::new(0.8, 50.0, 1.0), true);
+        for x in [-0.1, 0.2, -0.25] {
+            let place = Transform::from_xyz(x, 1.22 + x.abs(), 0.8 * x);
+            app.world_mut().spawn((SoftBody::new(lattice(0.07)), place, PushRigidBodies));
+        }
+    });
 }
 
 #[test]
@@ -107,7 +137,7 @@ fn a_body_of_300_particles_fits_20_kb() {
 
 fn one_body() -> (App, Entity) {
     let mut app = simulation();
-    app.world_mut().resource_mut::<RapierWorld>().insert_fixed(rapier3d::geometry::ColliderBuilder::ball(0.3).translation(Vec3::NEG_Y));
+    app.world_mut().resource_mut::<RapierWorld>().insert_fixed(ColliderBuilder::ball(0.3).translation(Vec3::NEG_Y));
     let body = app.world_mut().spawn(SoftBody::new(lattice(0.1))).id();
     steps(&mut app, 30);
     (app, body)

@@ -119,7 +119,7 @@ pub(crate) fn gather_movers(
     pushing.handles.clear();
     pushing.order.clear();
     pushing.order.extend(&pushers);
-    pushing.order.sort_unstable();
+
     for at in 0..pushing.order.len() {
         let Ok((mut particles, transform, mut contacts, detector, pins, mut state)) = bodies.get_mut(pushing.order[at]) else { continue };
         let origin = transform.translation;

@@ -6,7 +6,7 @@ use polpo_solver::quat_log;
 use serde::{Deserialize, Serialize};
 
 use crate::particles::Awake;
-use crate::{Particles, SubstepTime};
+use crate::{Gravity, GravityScale, Particles, SubstepTime};
 
 /// Holds particles of the body in place: nails, hinges, a hand, a bone. Change the list at any time; what is no longer in it is free again. A body without pins pays nothing.
 ///
@@ -30,7 +30,7 @@ pub struct Pin {
     pub position: bool,
     /// Whether its orientation is held; default false. A rod that is clamped at its end needs both.
     pub rotation: bool,
-    /// The pull at which it gives way \[N\], averaged over a step; default infinity, which never does. Then the pin is taken off the list and [`PinBroken`] is triggered. NaN never gives way.
+    /// The pull at which it gives way \[N\], the particle's own weight and inertia included, averaged over a step; default infinity, which never does. Then the pin is taken off the list and [`PinBroken`] is triggered. NaN never gives way.
     pub break_force: f32,
 }
 
@@ -81,7 +81,7 @@ pub struct PinBroken {
     pub force: f32,
 }
 
-/// What the pins of a body did.
+/// What the pins of a body did. There while [`Pins`] is.
 #[derive(Component, Debug, Clone, Default)]
 pub struct PinState {
     /// Which particles are pinned, so that they can be freed.
@@ -90,6 +90,26 @@ pub struct PinState {
     impulse: Vec<Vec3A>,
     /// Length of the step so far \[s\].
     time: f32,
+}
+
+impl PinState {
+    /// Makes room for what pins that may break will give.
+    fn begin(&mut self, pins: &Pins, particles: &mut polpo_solver::Particles) {
+        let breaking = pins.list.iter().any(|pin| pin.break_force.is_finite());
+        let count = if breaking { particles.len() } else { 0 };
+        for list in [&mut self.impulse, &mut particles.reaction] {
+            list.clear();
+            list.resize(count, Vec3A::ZERO);
+        }
+        self.time = 0.0;
+    }
+
+    /// That of `pins` which hold the particles `held`, between two steps.
+    pub(crate) fn restored(held: &[u32], pins: &Pins, particles: &mut polpo_solver::Particles) -> Self {
+        let mut state = Self { held: held.to_vec(), ..Self::default() };
+        state.begin(pins, particles);
+        state
+    }
 }
 
 /// In phase `Prepare`: pins what is in the list, frees what no longer is, and gives what is pinned the velocity that takes it to its target in this step.
@@ -101,13 +121,7 @@ pub(crate) fn hold_pins(
     let dt = time.delta_secs();
     for (mut particles, origin, pins, mut state) in &mut bodies {
         release(&mut particles, &mut state.held);
-        let breaking = pins.list.iter().any(|pin| pin.break_force.is_finite());
-        let count = if breaking { particles.len() } else { 0 };
-        state.impulse.clear();
-        state.impulse.resize(count, Vec3A::ZERO);
-        particles.reaction.clear();
-        particles.reaction.resize(count, Vec3A::ZERO);
-        state.time = 0.0;
+        state.begin(pins, &mut particles);
         for pin in &pins.list {
             let i = pin.particle as usize;
             if !(pin.position || pin.rotation) {
@@ -121,7 +135,12 @@ pub(crate) fn hold_pins(
             particles.pin(i, pin.position, pin.rotation);
             state.held.push(pin.particle);
             if pin.position {
-                particles.velocity[i] = Vec3A::from(place - here) / dt;
+                let velocity = Vec3A::from(place - here) / dt;
+                // Of several pins for one particle each sees what is left of the change: together they take it once.
+                if let Some(impulse) = state.impulse.get_mut(i) {
+                    *impulse += (particles.velocity[i] - velocity) * particles.mass[i];
+                }
+                particles.velocity[i] = velocity;
             }
             if pin.rotation {
                 particles.angular_velocity[i] = quat_log(rotation * particles.rotation[i].inverse()) / dt;
@@ -145,10 +164,11 @@ pub(crate) fn target_of(pin: &Pin, particles: &Particles, origin: &Transform, pl
 }
 
 /// A body that loses its pins is free.
-pub(crate) fn release_pins(remove: On<Remove, Pins>, mut bodies: Query<(&mut Particles, &mut PinState)>) {
+pub(crate) fn release_pins(remove: On<Remove, Pins>, mut commands: Commands, mut bodies: Query<(&mut Particles, &mut PinState)>) {
     if let Ok((mut particles, mut state)) = bodies.get_mut(remove.entity) {
         release(&mut particles, &mut state.held);
         particles.reaction.clear();
+        commands.entity(remove.entity).try_remove::<PinState>();
     }
 }
 
@@ -160,34 +180,49 @@ fn release(particles: &mut polpo_solver::Particles, held: &mut Vec<u32>) {
     }
 }
 
-/// In phase `Integrate`: sums up what the pins gave.
-pub(crate) fn sum_reactions(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut PinState), Awake>) {
-    for (mut particles, mut state) in &mut bodies {
+/// In phase `Integrate`: sums up what the pins gave: what constraints pulled at them, and the weight of the particles that they hold, which no constraint carries.
+pub(crate) fn sum_reactions(
+    time: Res<SubstepTime>,
+    gravity: Res<Gravity>,
+    mut bodies: Query<(&mut Particles, &mut PinState, Option<&GravityScale>), Awake>,
+) {
+    for (mut particles, mut state, scale) in &mut bodies {
         state.time += time.delta;
-        for (sum, reaction) in state.impulse.iter_mut().zip(&mut particles.reaction) {
+        let PinState { impulse, .. } = &mut *state;
+        if impulse.is_empty() {
+            continue;
+        }
+        let fall = Vec3A::from(gravity.0) * (scale.map_or(1.0, |s| s.0) * time.delta);
+        let polpo_solver::Particles { reaction, mass, inverse_mass, .. } = &mut particles.0;
+        for (((sum, reaction), &m), &w) in impulse.iter_mut().zip(reaction).zip(&*mass).zip(&*inverse_mass) {
             *sum += core::mem::take(reaction);
+            if w == 0.0 {
+                *sum += fall * m;
+            }
         }
     }
 }
 
-/// In phase `Writeback`: takes off the pins that were pulled too hard.
-pub(crate) fn break_pins(mut commands: Commands, mut bodies: Query<(Entity, &mut Pins, &PinState), Awake>) {
-    for (entity, mut pins, state) in &mut bodies {
+/// In phase `Writeback`: takes off the pins that were pulled too hard, and forgets the pulls: a body that falls asleep now and is woken in the middle of a step starts from nothing, too.
+pub(crate) fn break_pins(mut commands: Commands, mut bodies: Query<(Entity, &mut Pins, &mut PinState), Awake>) {
+    for (entity, mut pins, mut state) in &mut bodies {
         if state.impulse.is_empty() || state.time <= 0.0 {
             continue;
         }
-        let force = |pin: &Pin| state.impulse.get(pin.particle as usize).map_or(0.0, |impulse| impulse.length() / state.time);
-        if !pins.list.iter().any(|pin| force(pin) > pin.break_force) {
-            continue;
+        let (impulse, time) = (&state.impulse, state.time);
+        let force = |pin: &Pin| impulse.get(pin.particle as usize).map_or(0.0, |impulse| impulse.length() / time);
+        if pins.list.iter().any(|pin| force(pin) > pin.break_force) {
+            pins.list.retain(|pin| {
+                let pull = force(pin);
+                if pull > pin.break_force {
+                    commands.trigger(PinBroken { entity, pin: *pin, force: pull });
+                    return false;
+                }
+                true
+            });
         }
-        pins.list.retain(|pin| {
-            let pull = force(pin);
-            if pull > pin.break_force {
-                commands.trigger(PinBroken { entity, pin: *pin, force: pull });
-                return false;
-            }
-            true
-        });
+        state.impulse.fill(Vec3A::ZERO);
+        state.time = 0.0;
     }
 }
 

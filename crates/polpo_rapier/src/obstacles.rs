@@ -48,13 +48,16 @@ pub(crate) struct Obstacle {
     pub(crate) local_bounds: Aabb,
     /// In the world, over the whole step.
     bounds: Aabb,
-    /// Of the collider's origin over this step and over the last one, as its way divided by the time; and at this moment, which is not the same for one that goes in circles \[m/s\].
+    /// Of the collider's origin over this step, as its way divided by the time; and at this moment, which is not the same for one that goes in circles \[m/s\].
     velocity: Vector,
-    last_velocity: Vector,
     velocity_now: Vector,
     /// \[rad/s\]
     pub(crate) angular_velocity: Vector,
-    last_angular_velocity: Vector,
+    /// Length of this step \[s\].
+    dt: f32,
+    /// How far it went in the last step \[m\], and turned \[rad\]; that step may have been of another length.
+    last_way: Vector,
+    last_turn: Vector,
     friction: f32,
     rule: CoefficientCombineRule,
     layers: [InteractionGroups; 2],
@@ -117,8 +120,8 @@ impl Obstacles {
             }
             match self.before.get(before).filter(|old| old.slot() == obstacle.slot()) {
                 Some(old) if old.handle == handle => {
-                    obstacle.last_velocity = old.velocity;
-                    obstacle.last_angular_velocity = old.angular_velocity;
+                    obstacle.last_way = old.velocity * old.dt;
+                    obstacle.last_turn = old.angular_velocity * old.dt;
                     if obstacle.moves() || !obstacle.is_like(old) {
                         let speed = obstacle.speed_since(old, dt);
                         self.stirred.extend([old.stirred(speed), obstacle.stirred(speed)]);
@@ -205,7 +208,7 @@ impl Obstacle {
         let (velocity_now, angular_velocity, velocity) =
             parent.map_or((Vector::ZERO, Vector::ZERO, Vector::ZERO), |body| motion(body, offset, dt));
         let mut bounds = world_bounds(&local_bounds, anchor + offset, rotation);
-        let end = world_bounds(&local_bounds, anchor + offset + velocity * dt, turned(rotation, angular_velocity, dt));
+        let end = world_bounds(&local_bounds, anchor + offset + velocity * dt, turned(rotation, angular_velocity * dt));
         bounds.mins = bounds.mins.min(end.mins);
         bounds.maxs = bounds.maxs.max(end.maxs);
         Some(Self {
@@ -217,10 +220,11 @@ impl Obstacle {
             local_bounds,
             bounds,
             velocity,
-            last_velocity: velocity,
             velocity_now,
             angular_velocity,
-            last_angular_velocity: angular_velocity,
+            dt,
+            last_way: velocity * dt,
+            last_turn: angular_velocity * dt,
             friction: collider.friction(),
             rule: collider.friction_combine_rule(),
             layers: [collider.collision_groups(), collider.solver_groups()],
@@ -266,12 +270,16 @@ impl Obstacle {
     ///
     /// The difference of two places far out is exact; only then is it rotated and added to.
     pub(crate) fn frames(&self, origin: Vector, dt: f32) -> [Frame; 3] {
-        let now = Frame { translation: (self.anchor - origin) + self.offset, rotation: self.rotation };
-        let moved = |velocity: Vector, angular: Vector, dt: f32| Frame {
-            translation: now.translation + velocity * dt,
-            rotation: turned(now.rotation, angular, dt),
-        };
-        [now, moved(self.velocity, self.angular_velocity, dt), moved(self.last_velocity, self.last_angular_velocity, -dt)]
+        let [now, end] = [0.0, dt].map(|time| self.frame_at(origin, time));
+        [now, end, Frame { translation: now.translation - self.last_way, rotation: turned(now.rotation, -self.last_turn) }]
+    }
+
+    /// Where it is `time` \[s\] after the step's start, relative to `origin`.
+    pub(crate) fn frame_at(&self, origin: Vector, time: f32) -> Frame {
+        Frame {
+            translation: (self.anchor - origin) + self.offset + self.velocity * time,
+            rotation: turned(self.rotation, self.angular_velocity * time),
+        }
     }
 
     /// The velocity over the step of `dt` of the plane with normal `n` at `at` \[m/s\]. `at` and `frame`, where the obstacle is now, are relative to a body's origin.
@@ -345,8 +353,8 @@ fn motion(body: &RigidBody, offset: Vector, dt: f32) -> (Vector, Vector, Vector)
     if motion.0.is_finite() && motion.1.is_finite() && motion.2.is_finite() { motion } else { rest }
 }
 
-fn turned(rotation: Rotation, angular_velocity: Vector, dt: f32) -> Rotation {
-    if angular_velocity == Vector::ZERO { rotation } else { (quat_exp((angular_velocity * dt).into()) * rotation).normalize() }
+fn turned(rotation: Rotation, turn: Vector) -> Rotation {
+    if turn == Vector::ZERO { rotation } else { (quat_exp(turn.into()) * rotation).normalize() }
 }
 
 /// The box around a turned box.

@@ -6,13 +6,15 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use polpo::{Awake, Collision, ContactMemory, Contacts, Gravity, GravityScale, Particles, PolpoSystems, SubstepSchedule};
 
+use crate::last_look::{self, LastLook};
 use crate::push::Pushing;
 use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld, follower, push, sleep, touched};
 
 /// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
 ///
 /// In the step of `polpo::PolpoPlugin`, which must be in the same schedule: in [`PolpoSystems::DetectContacts`] sleeping bodies wake near which a collider moves, has come, gone or changed, and the contacts are
-/// found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the
+/// found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones, and particles that went into colliders where nobody had looked are
+/// put back ([`LastLook`]); after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the
 /// rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
 /// velocity they will have in it.
 pub struct PolpoRapierPlugin {
@@ -52,6 +54,7 @@ impl Plugin for PolpoRapierPlugin {
         app.init_resource::<RapierWorld>()
             .init_resource::<Surroundings>()
             .init_resource::<Pushing>()
+            .init_resource::<LastLook>()
             .init_resource::<Gravity>()
             .register_required_components::<Contacts, ContactMemory>()
             .register_required_components::<Contacts, Detector>()
@@ -78,11 +81,14 @@ impl Plugin for PolpoRapierPlugin {
             )
             .add_observer(sleep::wake_carried)
             .add_observer(sleep::let_go)
-            .add_systems(SubstepSchedule, push::solve_pushes.after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate));
+            .add_systems(
+                SubstepSchedule,
+                (push::solve_pushes, last_look::last_look).chain().after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate),
+            );
     }
 }
 
-fn gather_obstacles(time: Res<Time>, world: Res<RapierWorld>, mut surroundings: ResMut<Surroundings>, bodies: Query<(), With<Contacts>>) {
+fn gather_obstacles(time: Res<Time>, world: Res<RapierWorld>, mut surroundings: ResMut<Surroundings>, bodies: Query<(), With<Collision>>) {
     if !bodies.is_empty() {
         surroundings.0.gather(&world.bodies, &world.colliders, time.delta_secs());
     }

@@ -1,8 +1,9 @@
 //! Soft bodies that push rigid ones.
 
+use bevy::ecs::query::QueryData;
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo::{Awake, Collision, Contacts, Gravity, Particles, PinTarget, Pins, SubstepTime};
+use polpo::{Awake, Collision, Contacts, Edges, ExplicitState, Gravity, ImplicitGroups, Particles, PinTarget, Pins, SubstepTime};
 use polpo_solver::{Movers, PushContact, RigidMover, Tie, begin_pushes, solve_pushes as sweep_pushes, solve_ties, undo_overlaps};
 use rapier3d::dynamics::RigidBodyHandle;
 
@@ -45,19 +46,28 @@ struct Tied {
 /// The rigid bodies that are pushed in this step.
 #[derive(Resource, Default)]
 pub(crate) struct Pushing {
+    /// The soft bodies that push, in the order in which they are solved: that of their entities, not of where their components lie in memory.
+    pub(crate) order: Vec<Entity>,
     movers: Movers,
     /// Theirs, in the same order.
     pub(crate) handles: Vec<RigidBodyHandle>,
     /// Those of them that fell asleep in this step, with all that push them.
     pub(crate) lulled: Vec<RigidBodyHandle>,
+    /// Those that are to wake before Rapier's next step, because a soft body no longer carries them.
+    pub(crate) woken: Vec<RigidBodyHandle>,
     /// The forces that the game applies to those that were pushed.
     forces: Vec<(RigidBodyHandle, Vec3, Vec3)>,
     /// The velocities that those on joints would have after Rapier's step without joints and gravity, and what these made of them in the last.
     sent: Vec<(RigidBodyHandle, Vec3, Vec3)>,
-    reactions: Vec<Reaction>,
+    pub(crate) reactions: Vec<Reaction>,
 }
 
 impl Pushing {
+    /// Those that are pushed in this step.
+    pub(crate) fn handles(&self) -> &[RigidBodyHandle] {
+        &self.handles
+    }
+
     /// The index of the mover for `body`, added if it is new. `None` if it cannot be pushed.
     fn index_of(&mut self, world: &RapierWorld, body: RigidBodyHandle, gravity: Vec3) -> Option<usize> {
         if let Some(index) = self.handles.iter().position(|&other| other == body) {
@@ -109,6 +119,7 @@ pub(crate) fn gather_movers(
     world: Res<RapierWorld>,
     surroundings: Res<Surroundings>,
     mut pushing: ResMut<Pushing>,
+    pushers: Query<Entity, (With<PushRigidBodies>, Awake)>,
     mut bodies: Query<
         (&mut Particles, &Transform, &mut Contacts, &Detector, Option<&Pins>, &mut PushState),
         (With<PushRigidBodies>, Awake),
@@ -118,7 +129,11 @@ pub(crate) fn gather_movers(
     pushing.movers.list.clear();
     pushing.movers.feet.clear();
     pushing.handles.clear();
-    for (mut particles, transform, mut contacts, detector, pins, mut state) in &mut bodies {
+    pushing.order.clear();
+    pushing.order.extend(&pushers);
+    pushing.order.sort_unstable();
+    for at in 0..pushing.order.len() {
+        let Ok((mut particles, transform, mut contacts, detector, pins, mut state)) = bodies.get_mut(pushing.order[at]) else { continue };
         let origin = transform.translation;
         let center_of = |body: RigidBodyHandle| {
             world.bodies.get(body).map(|body| (body.position().translation - origin) + center_arm(body)).map(Vec3A::from)
@@ -182,35 +197,66 @@ fn note(pushed: &mut Vec<RigidBodyHandle>, body: RigidBodyHandle) {
     }
 }
 
+type Groups = (&'static mut ExplicitState, Option<&'static mut ImplicitGroups>, Option<&'static mut Edges>);
+
+/// A blow from what gives way opens groups as one from the ground does.
+fn strike(
+    contacts: &[PushContact],
+    movers: &Movers,
+    particles: &Particles,
+    dt: f32,
+    (mut groups, implicit, edges): <Groups as QueryData>::Item<'_, '_>,
+) {
+    let revision = groups.revision();
+    for contact in contacts {
+        groups.strike(contact.particle, contact.closing_speed(movers, particles, dt));
+    }
+    if groups.revision() != revision {
+        if let Some(mut implicit) = implicit {
+            implicit.rest_where_held(&groups);
+        }
+        if let Some(mut edges) = edges {
+            edges.rest_where_held(&groups);
+        }
+    }
+}
+
 /// In every substep, after contacts with what does not give way.
 pub(crate) fn solve_pushes(
     time: Res<SubstepTime>,
     mut pushing: ResMut<Pushing>,
-    mut bodies: Query<(&mut Particles, &Contacts, &Collision, &mut PushState), (With<PushRigidBodies>, Awake)>,
+    mut bodies: Query<(Entity, &mut Particles, &Contacts, &Collision, &mut PushState), (With<PushRigidBodies>, Awake)>,
+    mut groups: Query<Groups>,
 ) {
     /// Sweeps over all contacts. A box on dozens of jammed particles has settled by then to 1e-5 of its speed.
     const SWEEPS: usize = 8;
-    let movers = &mut pushing.movers;
+    let Pushing { order, movers, .. } = &mut *pushing;
     if movers.list.is_empty() {
         return;
     }
     let dt = time.delta;
     movers.begin(dt);
-    for (particles, _, _, mut state) in &mut bodies {
+    let mut each = bodies.iter_many_mut(&*order);
+    while let Some((entity, particles, _, _, mut state)) = each.fetch_next() {
+        if let Ok(groups) = groups.get_mut(entity) {
+            strike(&state.contacts, movers, &particles, dt, groups);
+        }
         begin_pushes(&mut state.contacts, movers, &particles, dt);
         for tie in &mut state.ties {
             tie.impulse = Vec3A::ZERO;
         }
     }
     for _ in 0..SWEEPS {
-        for (mut particles, contacts, _, mut state) in &mut bodies {
+        let mut each = bodies.iter_many_mut(&*order);
+        while let Some((_, mut particles, contacts, _, mut state)) = each.fetch_next() {
             solve_ties(&mut state.ties, movers, &mut particles, dt);
             sweep_pushes(&mut state.contacts, movers, &contacts.list, &mut particles, dt);
         }
         movers.stand(dt);
     }
-    for (mut particles, contacts, collision, mut state) in &mut bodies {
-        undo_overlaps(&mut state.contacts, movers, &contacts.list, &mut particles, dt, collision.push_speed);
+    let mut each = bodies.iter_many_mut(&*order);
+    while let Some((_, mut particles, contacts, collision, mut state)) = each.fetch_next() {
+        undo_overlaps(&mut state.contacts, movers, &contacts.list, &mut particles, dt, collision.push_speed.max(0.0));
         for tie in &state.ties {
             if let Some(reaction) = particles.reaction.get_mut(tie.particle as usize) {
                 *reaction += tie.impulse;

@@ -1,14 +1,15 @@
 //! Soft bodies that sleep among rigid ones: what keeps them awake, and what goes to sleep with them.
 
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
-use polpo::{Awake, Collision, Frozen, Particles, Sleep, Sleeping, Stillness};
+use polpo::{Awake, Collision, Frozen, Particles, PinTarget, Pins, Sleep, Sleeping, StepStart, Stillness};
 use rapier3d::dynamics::{RigidBody, RigidBodyHandle};
 
 use crate::detect::{bounds_of, layers};
 use crate::movers::is_pushable;
 use crate::plugin::Surroundings;
 use crate::push::Pushing;
-use crate::{PushRigidBodies, PushState, RapierWorld};
+use crate::{PushRigidBodies, PushState, RapierWorld, RigidBodyFollower};
 
 /// Bodies near a collider that is not as it was do not sleep. While nothing stirs, nothing is looked at.
 ///
@@ -21,17 +22,18 @@ pub(crate) fn disturb(
         (Entity, &Particles, &Transform, &Collision, Option<&Sleep>, &mut Stillness, Has<Sleeping>, Has<PushRigidBodies>),
         Without<Frozen>,
     >,
+    mut island: Local<Vec<RigidBodyHandle>>,
 ) {
     if surroundings.0.stirred.is_empty() {
         return;
     }
     for (entity, particles, transform, collision, sleep, mut stillness, asleep, pushes) in &mut bodies {
-        let Some((mins, maxs)) = bounds_of(particles) else { continue };
+        let Some((mins, maxs)) = bounds_of(&particles.position, &particles.radii) else { continue };
         let layers = layers(collision.memberships, collision.filter);
         let quiet = sleep.filter(|_| pushes && !asleep).map(|sleep| sleep.quiet_speed(particles));
         let disturbed = surroundings.0.stirred_near(mins, maxs, transform.translation, layers).any(|stirred| {
             let carried = stirred.body.filter(|_| quiet.is_some_and(|quiet| stirred.speed <= quiet));
-            carried.is_none_or(|body| resting(&world, body).is_none())
+            carried.is_none_or(|body| !is_resting(&world, body, &mut island))
         });
         if disturbed {
             stillness.0 = 0.0;
@@ -46,8 +48,10 @@ pub(crate) fn disturb(
 pub(crate) fn wait_for_each_other(
     pushing: Res<Pushing>,
     mut bodies: Query<(&PushState, Option<&mut Stillness>), (With<PushRigidBodies>, Awake)>,
+    mut least: Local<Vec<f32>>,
 ) {
-    let mut least = vec![f32::INFINITY; pushing.handles.len()];
+    least.clear();
+    least.resize(pushing.handles.len(), f32::INFINITY);
     let index_of = |body: &RigidBodyHandle| pushing.handles.iter().position(|other| other == body);
     let mut waiting = !least.is_empty();
     while waiting {
@@ -71,24 +75,36 @@ pub(crate) fn wait_for_each_other(
     }
 }
 
-/// Before Rapier's step: what those carry that have just fallen asleep sleeps with them, unless one that is awake pushes it too.
+/// Before Rapier's step: what lost its carrier wakes, and what those carry that have just fallen asleep sleeps with them, unless one that is awake pushes it too.
 pub(crate) fn lull(
     mut pushing: ResMut<Pushing>,
     mut world: ResMut<RapierWorld>,
-    asleep: Query<&PushState, (With<PushRigidBodies>, Added<Sleeping>)>,
+    asleep: Query<&PushState, (With<PushRigidBodies>, With<Sleeping>)>,
     awake: Query<&PushState, (With<PushRigidBodies>, Awake)>,
+    mut island: Local<Vec<RigidBodyHandle>>,
 ) {
-    let lulled = &mut pushing.lulled;
+    // Those that pushed in this step. What others once pushed is not known.
+    let Pushing { order, lulled, woken, .. } = &mut *pushing;
+    sort(woken);
+    for body in woken.drain(..) {
+        // Asking for it mutably would already count as a change.
+        if is_pushable(&world, body)
+            && world.bodies.get(body).is_some_and(RigidBody::is_sleeping)
+            && let Some(body) = world.bodies.get_mut(body)
+        {
+            body.wake_up(true);
+        }
+    }
     lulled.clear();
-    for state in &asleep {
+    for state in order.iter().filter_map(|&body| asleep.get(body).ok()) {
         lulled.extend(state.pushed.iter().filter(|body| !awake.iter().any(|other| other.pushed.contains(body))));
     }
-    lulled.sort_unstable_by_key(|body| body.into_raw_parts());
-    lulled.dedup();
+    sort(lulled);
     lulled.retain(|&body| {
-        let Some(island) = resting(&world, body) else { return false };
-        for body in island {
-            // Asking for it mutably would already count as a change.
+        if !is_resting(&world, body, &mut island) {
+            return false;
+        }
+        for &body in &*island {
             if world.bodies.get(body).is_some_and(|body| !body.is_sleeping())
                 && let Some(body) = world.bodies.get_mut(body)
             {
@@ -99,41 +115,62 @@ pub(crate) fn lull(
     });
 }
 
+/// The order in which Rapier is told should not hang on that of the soft bodies' components in memory.
+fn sort(bodies: &mut Vec<RigidBodyHandle>) {
+    bodies.sort_unstable_by_key(|body| body.into_raw_parts());
+    bodies.dedup();
+}
+
+/// Soft bodies, and the rigid ones that may lie on them or hang from them.
+///
+/// Found by where they are, not remembered: so a body put back by a snapshot knows as well, and more rigid bodies than need to wake, those beside it, fall asleep again.
+#[derive(SystemParam)]
+pub(crate) struct Carriers<'w, 's> {
+    pushing: ResMut<'w, Pushing>,
+    surroundings: Res<'w, Surroundings>,
+    followers: Query<'w, 's, &'static RigidBodyFollower>,
+    bodies: Query<'w, 's, (&'static Particles, &'static StepStart, Option<&'static Pins>), With<PushRigidBodies>>,
+}
+
+impl Carriers<'_, '_> {
+    /// Notes that what `carrier` carries has to wake.
+    fn wake(&mut self, carrier: Entity) {
+        let Ok((particles, start, pins)) = self.bodies.get(carrier) else { return };
+        // Where it was in the last step, wherever it was put since.
+        if let Some((mins, maxs)) = bounds_of(&start.position, &particles.radii) {
+            let near = self.surroundings.0.list.iter().filter(|obstacle| obstacle.meets(mins, maxs, start.origin));
+            self.pushing.woken.extend(near.filter_map(|obstacle| obstacle.body));
+        }
+        for pin in pins.iter().flat_map(|pins| &pins.list) {
+            if let PinTarget::Entity(entity, ..) = pin.to {
+                self.pushing.woken.extend(self.followers.get(entity).map(|follower| follower.0));
+            }
+        }
+    }
+}
+
 /// A body that wakes, or is gone, no longer carries what sleeps on it.
-pub(crate) fn wake_carried(remove: On<Remove, Sleeping>, world: ResMut<RapierWorld>, bodies: Query<&PushState>) {
-    wake(remove.entity, world, bodies);
+pub(crate) fn wake_carried(remove: On<Remove, Sleeping>, mut carriers: Carriers) {
+    carriers.wake(remove.entity);
 }
 
 /// One that no longer pushes does not either.
-pub(crate) fn let_go(remove: On<Remove, PushRigidBodies>, world: ResMut<RapierWorld>, bodies: Query<&PushState, With<Sleeping>>) {
-    wake(remove.entity, world, bodies);
+pub(crate) fn let_go(remove: On<Remove, PushRigidBodies>, mut carriers: Carriers) {
+    carriers.wake(remove.entity);
 }
 
-fn wake<F: bevy::ecs::query::QueryFilter>(entity: Entity, mut world: ResMut<RapierWorld>, bodies: Query<&PushState, F>) {
-    let Ok(state) = bodies.get(entity) else { return };
-    for &body in &state.pushed {
-        if world.bodies.get(body).is_some_and(RigidBody::is_sleeping)
-            && let Some(body) = world.bodies.get_mut(body)
-        {
-            body.wake_up(true);
-        }
-    }
-}
-
-/// `body` and all dynamic bodies that hang together with it by contacts and joints, if none of them moves faster than Rapier lets it sleep. Rapier steps a body that sleeps among others that do not, so they sleep together or not at
-/// all.
-fn resting(world: &RapierWorld, body: RigidBodyHandle) -> Option<Vec<RigidBodyHandle>> {
+/// Whether neither `body` nor any of the dynamic bodies that hang together with it by contacts and joints, which are put into `island`, moves faster than Rapier lets it sleep. Rapier steps a body that sleeps among others that do
+/// not, so they sleep together or not at all.
+fn is_resting(world: &RapierWorld, body: RigidBodyHandle, island: &mut Vec<RigidBodyHandle>) -> bool {
+    island.clear();
     if !is_pushable(world, body) {
-        return None;
+        return false;
     }
-    let mut island = vec![body];
+    island.push(body);
     let mut at = 0;
     while let Some(&handle) = island.get(at) {
         at += 1;
-        let body = world.bodies.get(handle)?;
-        if !may_sleep(body, world.parameters.length_unit) {
-            return None;
-        }
+        let Some(body) = world.bodies.get(handle).filter(|body| may_sleep(body, world.parameters.length_unit)) else { return false };
         let mut join = |other: RigidBodyHandle| {
             if !island.contains(&other) && world.bodies.get(other).is_some_and(|other| !other.is_fixed()) {
                 // What is driven does not hang on what it drives, but must be at rest like the others.
@@ -161,7 +198,7 @@ fn resting(world: &RapierWorld, body: RigidBodyHandle) -> Option<Vec<RigidBodyHa
         }
     }
     island.retain(|&body| is_pushable(world, body));
-    Some(island)
+    true
 }
 
 fn may_sleep(body: &RigidBody, length_unit: f32) -> bool {

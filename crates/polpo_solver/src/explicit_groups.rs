@@ -124,6 +124,8 @@ pub struct ExplicitGroups {
     pub(crate) landings: Vec<Landing>,
     /// Scratch: the groups that motors turn, and the angular impulses on them \[N·m·s\].
     pub(crate) driven: Vec<(u32, DVec3)>,
+    /// Scratch: how many rigid groups each particle is in.
+    pub(crate) sharers: Vec<u32>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -183,9 +185,11 @@ impl ExplicitGroups {
             let made = this.made_offsets(g, particles);
             let start = this.shape.rows[g] as usize;
             this.shape.rest[start..start + made.len()].copy_from_slice(&made);
-            this.bodies[g].start_from(this.shape.rotation[g]);
+            this.bodies[g].start_from(this.shape.rotation[g].as_dquat());
         }
-        this.shape.ways = vec![Vec3A::ZERO; groups.iter().map(|g| g.members.len()).max().unwrap_or(0)];
+        let largest = groups.iter().map(|g| g.members.len()).max().unwrap_or(0);
+        this.shape.ways = vec![Vec3A::ZERO; largest];
+        this.landings.reserve(largest);
         this.shape.unoriented = this.membership.iter().map(|m| m.groups > 1).collect();
         this.shape.moment =
             (0..n).map(|i| if this.shape.unoriented[i] { glam::Mat3A::ZERO } else { second_moment(particles, i) }).collect();
@@ -297,6 +301,9 @@ impl ExplicitGroups {
         for r in &mut self.shape.rest[row] {
             *r *= ratio;
         }
+        // Which shared particles make the joints follows from where they rest now, not from when it was asked last.
+        let Self { joints, bodies, shape, held, .. } = self;
+        joints.build(bodies, shape, |k| held[k].pinned);
         Ok(())
     }
 
@@ -383,7 +390,7 @@ impl ExplicitGroups {
         members.iter().map(|&i| (particles.rest_position[i as usize] - center / mass) * self.scale[g]).collect()
     }
 
-    fn count_closed(&mut self, g: usize, by: i32) {
+    pub(crate) fn count_closed(&mut self, g: usize, by: i32) {
         for k in self.row(g) {
             let closed = &mut self.membership[self.shape.members[k] as usize].closed;
             *closed = closed.saturating_add_signed(by);

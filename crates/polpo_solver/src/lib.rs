@@ -36,6 +36,7 @@ mod edges;
 mod ellipsoid;
 mod ellipsoid_pair;
 mod explicit_groups;
+mod explicit_memory;
 #[cfg(test)]
 mod explicit_tests;
 #[cfg(test)]
@@ -91,6 +92,7 @@ pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
 pub use ellipsoid_pair::{EllipsoidPair, PairGap};
 pub use explicit_groups::{Deformable, ExplicitGroup, ExplicitGroups, GroupError};
+pub use explicit_memory::GroupMemory;
 pub use facets::Facet;
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;

@@ -80,19 +80,6 @@ fn a_box_on_a_jelly_sleeps_with_it() {
     jelly_with_box().sleep();
 }
 
-/// Though Rapier would let the upper box lie for a minute before it sleeps.
-#[test]
-fn a_tower_on_a_jelly_sleeps_with_it() {
-    jelly_with_tower().sleep();
-}
-
-fn jelly_with_tower() -> Room {
-    let mut room = jelly_with_box().rigid(Vec3::new(0.05, 1.1, 0.02), Vec3::splat(0.14), true);
-    let upper = room.boxes[1];
-    room.app.world_mut().resource_mut::<RapierWorld>().bodies[upper].activation_mut().time_until_sleep = 60.0;
-    room
-}
-
 #[test]
 fn two_jellies_under_one_plate_wait_for_each_other() {
     let room = Room::new().jelly(Vec3::new(-0.5, 0.3, 0.0)).jelly(Vec3::new(0.5, 0.3, 0.0));
@@ -143,7 +130,7 @@ fn a_box_falls_when_what_carried_it_is_gone() {
         },
     ];
     for (i, lose) in losses.into_iter().enumerate() {
-        let mut room = jelly_with_tower().sleep();
+        let mut room = jelly_with_box().sleep();
         let (jelly, before) = (room.jellies[0], room.places());
         lose(room.app.world_mut(), jelly);
         steps(&mut room.app, 20);

@@ -210,3 +210,60 @@ fn may_sleep(body: &RigidBody, length_unit: f32) -> bool {
     // Also false where the thresholds are negative, which is how Rapier says that a body never sleeps.
     body.is_sleeping() || (body.linvel().length() < linear && body.angvel().length() < angular)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rapier3d::prelude::*;
+
+    /// A tower of two boxes on the ground, and a third that hangs on the upper one by a joint.
+    fn tower() -> (RapierWorld, [RigidBodyHandle; 3]) {
+        let mut world = RapierWorld::default();
+        world.insert_fixed(ColliderBuilder::cuboid(5.0, 0.5, 5.0).translation(Vector::NEG_Y * 0.5));
+        let bodies = [Vector::Y * 0.1, Vector::Y * 0.3, Vector::new(0.5, 0.3, 0.0)].map(|at| {
+            let body = world.bodies.insert(RigidBodyBuilder::dynamic().translation(at));
+            world.colliders.insert_with_parent(ColliderBuilder::cuboid(0.1, 0.1, 0.1).density(500.0), body, &mut world.bodies);
+            body
+        });
+        let joint = FixedJointBuilder::new().local_anchor1(Vector::X * 0.25).local_anchor2(Vector::X * -0.25);
+        world.impulse_joints.insert(bodies[1], bodies[2], joint, true);
+        world.bodies[bodies[2]].set_gravity_scale(0.0, false);
+        for _ in 0..60 {
+            world.step(Vector::NEG_Y * 9.81, 1.0 / 60.0);
+        }
+        (world, bodies)
+    }
+
+    #[test]
+    fn what_hangs_together_rests_together() {
+        let mut island = Vec::new();
+        let (world, mut bodies) = tower();
+        assert!(is_resting(&world, bodies[0], &mut island));
+        sort(&mut island);
+        bodies.sort_unstable_by_key(|body| body.into_raw_parts());
+        assert_eq!(island, bodies);
+        type Change = fn(&mut RigidBody);
+        let changes: [(Change, bool); 4] = [
+            (|body| body.set_linvel(Vector::X, true), false),
+            (|body| body.activation_mut().normalized_linear_threshold = -1.0, false),
+            // It would wait longer than the others, but it may.
+            (|body| body.activation_mut().time_until_sleep = 60.0, true),
+            (|body| body.sleep(), true),
+        ];
+        for (k, (change, rests)) in changes.into_iter().enumerate() {
+            let (mut world, bodies) = tower();
+            change(&mut world.bodies[bodies[2]]);
+            assert_eq!(is_resting(&world, bodies[0], &mut island), rests, "{k}");
+        }
+    }
+
+    #[test]
+    fn what_lies_on_something_driven_does_not_rest() {
+        let (mut world, bodies) = tower();
+        let driven = world.bodies.insert(RigidBodyBuilder::kinematic_velocity_based().translation(Vector::new(0.0, 0.1, 0.19)));
+        world.colliders.insert_with_parent(ColliderBuilder::cuboid(0.1, 0.1, 0.1), driven, &mut world.bodies);
+        world.step(Vector::NEG_Y * 9.81, 1.0 / 60.0);
+        world.bodies[driven].set_linvel(Vector::Z, true);
+        assert!(!is_resting(&world, bodies[0], &mut Vec::new()));
+    }
+}

@@ -129,7 +129,7 @@ pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles
         arm_i += gap * 0.5;
         arm_j -= gap * 0.5;
         let (qi, qj) = match edges.rest_turn.get(e) {
-            Some(_) => (qi, qj),
+            Some(&[back_i, back_j]) => (qi * back_i, qj * back_j),
             None => (qi, qj),
         };
         let strains = |qj: Quat| {

@@ -6,10 +6,10 @@ mod assets_are_whole;
 mod bad_input;
 #[path = "contracts/bodies_come_and_go.rs"]
 mod bodies_come_and_go;
-#[path = "contracts/changed_at_run_time.rs"]
-mod changed_at_run_time;
 #[path = "contracts/cells.rs"]
 mod cells;
+#[path = "contracts/changed_at_run_time.rs"]
+mod changed_at_run_time;
 #[path = "contracts/determinism.rs"]
 mod determinism;
 #[path = "contracts/dynamic_bodies.rs"]

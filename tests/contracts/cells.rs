@@ -123,7 +123,7 @@ fn a_limb_of_cells_takes_fewer_substeps() {
 fn cells_weigh_what_their_volume_says() {
     let (mut rig, cells) = bar(1, 0.25);
     let last = rig.particles.len() as u32;
-    rig.particles.push(Particle { position: Vec3::new(1.2, 0.0, 0.0), ..rig.particles[0].clone() });
+    rig.particles.push(Particle { position: Vec3::new(1.2, 0.0, 0.0), ..rig.particles[0] });
     rig.edges.push([3, last]);
     rig.edges.sort_unstable();
     let cells = Cells { volumes: [cells.volumes, vec![0.0]].concat(), ..cells };

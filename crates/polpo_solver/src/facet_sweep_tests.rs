@@ -29,9 +29,9 @@ fn the_substeps_of_the_rule_are_enough_for_facets() {
                 solve_calibrated_edges(&edges, &mut p, dt);
                 solve_rings(&rings, &mut p, dt);
                 if late {
-                    for i in 0..count {
-                        above += f64::from(p.position[i].y - p.rest_position[i].y) * still[i][0].y;
-                        below += still[i][0].y * still[i][0].y;
+                    for (i, [still, _]) in still.iter().take(count).enumerate() {
+                        above += f64::from(p.position[i].y - p.rest_position[i].y) * still.y;
+                        below += still.y * still.y;
                     }
                 }
             }

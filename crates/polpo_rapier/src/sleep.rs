@@ -213,8 +213,10 @@ fn may_sleep(body: &RigidBody, length_unit: f32) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use bevy::ecs::system::RunSystemOnce;
     use rapier3d::prelude::*;
+
+    use super::*;
 
     /// A tower of two boxes on the ground, and a third that hangs on the upper one by a joint.
     fn tower() -> (RapierWorld, [RigidBodyHandle; 3]) {
@@ -230,6 +232,9 @@ mod tests {
         world.bodies[bodies[2]].set_gravity_scale(0.0, false);
         for _ in 0..60 {
             world.step(Vector::NEG_Y * 9.81, 1.0 / 60.0);
+        }
+        for body in bodies {
+            world.bodies[body].wake_up(true);
         }
         (world, bodies)
     }
@@ -255,6 +260,23 @@ mod tests {
             change(&mut world.bodies[bodies[2]]);
             assert_eq!(is_resting(&world, bodies[0], &mut island), rests, "{k}");
         }
+    }
+
+    #[test]
+    fn what_hangs_together_is_put_to_sleep_together() {
+        let (rapier, bodies) = tower();
+        let mut world = World::new();
+        world.insert_resource(rapier);
+        let mut state = PushState::default();
+        state.pushed.push(bodies[0]);
+        let carrier = world.spawn((PushRigidBodies, state, Sleeping::default())).id();
+        let mut pushing = Pushing::default();
+        pushing.order.push(carrier);
+        world.insert_resource(pushing);
+        world.run_system_once(lull).unwrap();
+        let rapier = world.resource::<RapierWorld>();
+        assert_eq!(bodies.map(|body| rapier.bodies[body].is_sleeping()), [true; 3]);
+        assert_eq!(world.resource::<Pushing>().lulled, [bodies[0]]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Pins to rigid bodies: driven ones lead, dynamic ones pull and are pulled.
 
-use bevy::math::DVec3;
+use bevy::math::{DVec3, Vec3A};
 use bevy::prelude::*;
 use polpo::prelude::*;
 use polpo::{Particles, PinBroken};
@@ -79,6 +79,39 @@ fn a_pin_to_a_dynamic_body_pulls_one_way_unless_asked() {
     steps(&mut app, 60);
     assert_eq!(rigid(&app, hook).linvel(), Vec3::X);
     assert!(place(&app, jelly, 0).distance(on(&app, hook, Vec3::ZERO)) < 1e-4);
+}
+
+/// Asleep on one pin, then one of them is pushed: from the first step on each pulls the other.
+#[test]
+fn a_pair_on_a_pin_wakes_with_all_its_momentum() {
+    for ball_is_pushed in [false, true] {
+        let mut app = simulation();
+        app.insert_resource(Gravity(Vec3::ZERO));
+        let jelly = app.world_mut().spawn((SoftBody::new(cube(3, 0.3, 2.0)), PushRigidBodies)).id();
+        let corner = place(&app, jelly, 0);
+        let (ball, follower) = add(&mut app, RigidBodyBuilder::dynamic().translation(corner - Vec3::X * 0.3), 3.0);
+        app.world_mut().entity_mut(jelly).insert(Pins { list: vec![Pin::to_entity(0, follower, Vec3::X * 0.3)] });
+        steps(&mut app, 3);
+        app.world_mut().entity_mut(jelly).insert(Sleeping::default());
+        steps(&mut app, 3);
+        assert!(app.world().entity(jelly).contains::<Sleeping>());
+        let momentum = |app: &App| {
+            let p = app.world().get::<Particles>(jelly).unwrap();
+            let soft: DVec3 = p.velocity.iter().zip(&p.mass).map(|(v, m)| v.as_dvec3() * f64::from(*m)).sum();
+            soft + rigid(app, ball).linvel().as_dvec3() * f64::from(rigid(app, ball).mass())
+        };
+        if ball_is_pushed {
+            rapier(&mut app).bodies[ball].set_linvel(Vec3::Z, true);
+        } else {
+            app.world_mut().get_mut::<Particles>(jelly).unwrap().set_rigid_velocity(Vec3A::Z, Vec3A::ZERO);
+        }
+        let before = momentum(&app);
+        steps(&mut app, 1);
+        assert!(!app.world().entity(jelly).contains::<Sleeping>());
+        let lost = (momentum(&app) - before).length() / before.length();
+        println!("ball pushed {ball_is_pushed}: {lost:.1e}");
+        assert!(lost < 1e-5, "ball pushed {ball_is_pushed}: {lost} lost in the step in which they wake");
+    }
 }
 
 /// In free space a jelly and a ball on one pin turn about each other and lose nothing.

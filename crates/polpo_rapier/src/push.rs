@@ -3,7 +3,7 @@
 use bevy::ecs::query::QueryData;
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo::{Awake, Collision, Contacts, Edges, ExplicitState, Gravity, ImplicitGroups, Particles, PinTarget, Pins, SubstepTime};
+use polpo::{Awake, Collision, Contacts, Edges, ExplicitState, Frozen, Gravity, ImplicitGroups, Particles, PinTarget, Pins, SubstepTime};
 use polpo_solver::{Movers, PushContact, RigidMover, Tie, begin_pushes, solve_pushes as sweep_pushes, solve_ties, undo_overlaps};
 use rapier3d::dynamics::RigidBodyHandle;
 
@@ -82,11 +82,11 @@ impl Pushing {
     }
 }
 
-/// Before `Prepare`, where pins take hold: remembers the velocities of particles that are pinned to what gives way.
+/// Before `Prepare`, where pins take hold: remembers the velocities of particles that are pinned to what gives way. Of bodies that sleep too: they may wake in this step, and their pins would hold them against nothing.
 pub(crate) fn free_the_tied(
     world: Res<RapierWorld>,
     followers: Query<&RigidBodyFollower>,
-    mut bodies: Query<(&Particles, &Pins, &mut PushState), (With<PushRigidBodies>, Awake)>,
+    mut bodies: Query<(&Particles, &Pins, &mut PushState), (With<PushRigidBodies>, Without<Frozen>)>,
 ) {
     for (particles, pins, mut state) in &mut bodies {
         state.tied.clear();

@@ -8,7 +8,7 @@ use polpo_rapier::RapierWorld;
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_scenes::octopus_asset;
 use polpo_solver::{EllipsoidPair, momentum};
-use polpo_tests::{lattice, simulation, steps};
+use polpo_tests::{lattice, simulation, state_of, steps};
 use rapier3d::prelude::ColliderBuilder;
 
 fn at_rate(app: &mut App, rate: f64) {
@@ -380,6 +380,29 @@ fn nonsense_does_not_panic() {
         steps(&mut app, 5);
         assert!(app.world().get::<Particles>(bodies[1]).unwrap().is_finite(), "{value}");
     }
+}
+
+/// A negative speed, or none, leaves an overlap as it is; it does not deepen it, nor undo it at once.
+#[test]
+fn a_push_speed_that_is_none_pushes_no_pair() {
+    let run = |push_speed: f32| {
+        let mut app = simulation();
+        app.insert_resource(Gravity(Vec3::ZERO));
+        let own = SelfContact { push_speed, ..default() };
+        let contact = BodyContact { push_speed, ..default() };
+        let bodies =
+            [0.0, 0.25].map(|x| app.world_mut().spawn((SoftBody::new(lattice(0.1)), own, contact, Transform::from_xyz(x, 0.0, 0.0))).id());
+        // Two that do not touch at rest, one in the other.
+        let mut p = app.world_mut().get_mut::<Particles>(bodies[0]).unwrap();
+        let to = p.position[26] - Vec3A::X * 0.05;
+        p.position[0] = to;
+        steps(&mut app, 5);
+        state_of(app.world_mut())
+    };
+    let still = run(0.0);
+    assert_ne!(run(3.0), still);
+    assert_eq!(run(-5.0), still);
+    assert_eq!(run(f32::NAN), still);
 }
 
 /// Four octopuses dropped onto each other: they stay finite, come to rest and stay where they are, though not each of their particles is without speed: a light one wedged between others is given one by the last of

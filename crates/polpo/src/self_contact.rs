@@ -97,7 +97,7 @@ pub(crate) fn solve_self_pairs(
         &mut bodies,
         |(_, own, ..)| 60 * own.pairs.list.len(),
         |(mut particles, mut own, contact, contacts)| {
-            let rules = PairRules { dt, friction: contact.friction, push_speed: contact.push_speed };
+            let rules = PairRules { dt, friction: contact.friction.max(0.0), push_speed: contact.push_speed.max(0.0) };
             let SelfPairs { pairs, support, .. } = &mut *own;
             note_support(contacts, &particles, dt, support);
             let mut sides = Sides::Within { particles: &mut particles.0, support };

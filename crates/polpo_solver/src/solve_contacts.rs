@@ -10,7 +10,7 @@ use crate::{Contact, Contacts, Particles};
 /// r×n for the rotation, so with the generalised inverse mass w = 1/m + |r×n|²/I the impulse λ = −C/w moves x by λ·n/m and turns by λ·(r×n)/I.
 ///
 /// A gap that was already negative when the substep began is an overlap that nobody's motion made (a body spawned inside a wall, a teleported collider). It is undone at no more than `push_speed`
-/// \[m/s\], so that it does not become an explosion.
+/// \[m/s\], 0 … ∞, so that it does not become an explosion.
 ///
 /// *Friction.* Coulomb's law on the way that the contact point has slipped over the surface during the substep, u = (x + r) − (x₀ + R₀R⁻¹r) − v_s·Δt with v_s the surface's velocity at the contact,
 /// its rotation included: the impulse −u_t·m_t, m_t = 1/(1/m + |r×t|²/I), never more than μ·λ. As a position it holds a resting body without creep; as an impulse it does not depend on Δt.

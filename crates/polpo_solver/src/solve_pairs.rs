@@ -45,9 +45,10 @@ const INTO: f32 = 0.5;
 pub struct PairRules {
     /// Length of the substep \[s\].
     pub dt: f32,
-    /// Coulomb's coefficient μ, 0 … ∞. Negative and NaN count as 0.
+    /// Coulomb's coefficient μ, 0 … ∞.
     pub friction: f32,
-    /// The speed at most at which an overlap is undone that was there when the substep began \[m/s\]. Negative and NaN count as 0.
+    /// The speed at most at which an overlap is undone that was there when the substep began \[m/s\], 0 … ∞. As in [`solve_contacts`](crate::solve_contacts), a negative one would deepen it and NaN undo it at once: whoever
+    /// takes it from others refuses that.
     pub push_speed: f32,
 }
 
@@ -78,7 +79,6 @@ const LARGEST_TURN: f32 = 0.5;
 ///
 /// Degenerate: pairs of particles that do not exist or are not finite are skipped; of two that cannot be moved nothing is.
 pub fn solve_pairs(pairs: &mut Pairs, sides: &mut Sides, rules: &PairRules, pass: u32) {
-    let rules = PairRules { dt: rules.dt, friction: rules.friction.max(0.0), push_speed: rules.push_speed.max(0.0) };
     let runs = rules.dt > 0.0 && rules.dt.is_finite();
     if !runs {
         return;
@@ -91,7 +91,7 @@ pub fn solve_pairs(pairs: &mut Pairs, sides: &mut Sides, rules: &PairRules, pass
         }
         if let Some(touch) = look(pair, sides, way_out) {
             pair.touching = true;
-            resolve(pair, sides, &touch, way_out.is_some(), &rules);
+            resolve(pair, sides, &touch, way_out.is_some(), rules);
         }
     }
 }

@@ -3,7 +3,7 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{Awake, Particles, Stillness, SubstepSchedule};
+use polpo::{Awake, Frozen, Inflation, Material, Particles, RodSolve, Rods, Section, Stillness, SubstepSchedule};
 use polpo_rapier::RapierWorld;
 use polpo_tests::{lattice, simulation, steps};
 use rapier3d::prelude::*;
@@ -257,4 +257,39 @@ fn a_pile_of_ten_octopuses_falls_asleep_and_does_not_creep() {
     app.world_mut().get_mut::<Particles>(bodies[0]).unwrap().set_rigid_velocity(Vec3A::Y, Vec3A::ZERO);
     steps(&mut app, 4);
     assert!(asleep(&app) < 9, "{} still sleep", asleep(&app));
+}
+
+/// Spawned asleep or frozen, a body stays where it was put, in one piece, until it is woken; built anew, it is awake.
+#[test]
+fn a_body_may_be_spawned_asleep_or_frozen() {
+    let mut app = simulation();
+    let at = |x: f32| Transform::from_xyz(x, 1.0, 0.0);
+    let material = Material { youngs_modulus: 1e5, poissons_ratio: 0.3, density: 1000.0 };
+    let rods = Rods { solve: RodSolve::Sweep { spin_radius: 0.0 }, ..Rods::new(material, Section::circle(0.02)) };
+    let world = app.world_mut();
+    let bodies = [
+        world.spawn((SoftBody::new(lattice(0.1)), at(0.0), Sleeping::default())).id(),
+        world.spawn((SoftBody::new(lattice(0.1)), at(2.0), Frozen)).id(),
+        world.spawn((SoftBody::new(lattice(0.1)), at(4.0), Sleeping::default(), rods, Inflation::new(1.1))).id(),
+    ];
+    let held =
+        |app: &App| bodies.map(|body| app.world().entity(body).contains::<Sleeping>() || app.world().entity(body).contains::<Frozen>());
+    let heights = |app: &App| bodies.map(|body| app.world().get::<Transform>(body).unwrap().translation.y);
+    steps(&mut app, 30);
+    assert_eq!((held(&app), heights(&app)), ([true; 3], [1.0; 3]));
+    for body in bodies {
+        app.world_mut().entity_mut(body).remove::<(Sleeping, Frozen)>();
+    }
+    steps(&mut app, 30);
+    assert_eq!(held(&app), [false; 3]);
+    assert!(heights(&app).iter().all(|y| *y < 0.0), "{:?}", heights(&app));
+    app.world_mut().entity_mut(bodies[0]).insert(Sleeping::default());
+    app.world_mut().entity_mut(bodies[1]).insert(Frozen);
+    steps(&mut app, 2);
+    assert_eq!(held(&app), [true, true, false]);
+    for body in &bodies[..2] {
+        app.world_mut().entity_mut(*body).insert(SoftBody::new(lattice(0.1)));
+    }
+    steps(&mut app, 2);
+    assert_eq!(held(&app), [false; 3]);
 }

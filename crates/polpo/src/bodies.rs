@@ -18,7 +18,7 @@ use crate::{
 /// When it is inserted, the rig becomes [`Particles`] at the entity's `Transform`: its rotation and (uniform, positive) scale are taken into the particles, and from then on the `Transform` has
 /// neither: its translation follows the centre of mass. Moving the translation by hand moves the whole body. The entity should have no parent that moves.
 ///
-/// Inserting it again, with another rig say, builds the body anew.
+/// Inserting it again, with another rig say, builds the body anew, awake. Spawned with [`Sleeping`] or [`Frozen`], a body stays where it is put until it is woken or that is taken off.
 ///
 /// A rig that cannot be simulated, or a transform that is not finite or not uniformly scaled, is refused with the event [`SoftBodyRejected`] and an error in the log; the entity then just does not
 /// move.
@@ -90,10 +90,10 @@ type Built = (crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate:
 pub(crate) fn build_body(
     insert: On<Insert, SoftBody>,
     mut commands: Commands,
-    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>, Option<(&mut Contacts, &mut ContactMemory)>)>,
+    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>, Option<(&mut Contacts, &mut ContactMemory)>, Has<Particles>)>,
 ) {
     let entity = insert.entity;
-    let Ok((body, mut transform, velocity, met)) = bodies.get_mut(entity) else {
+    let Ok((body, mut transform, velocity, met, anew)) = bodies.get_mut(entity) else {
         return;
     };
     // A body that is built anew has no past.
@@ -108,7 +108,13 @@ pub(crate) fn build_body(
             }
             *transform = Transform::from_translation(origin);
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone(), origin };
-            commands.entity(entity).remove::<(Built, Frozen, Sleeping)>().try_insert((Particles(particles), start));
+            let mut entity = commands.entity(entity);
+            entity.remove::<Built>();
+            // A new one may be spawned asleep or frozen.
+            if anew {
+                entity.remove::<(Frozen, Sleeping)>();
+            }
+            entity.try_insert((Particles(particles), start));
         }
         Err(reason) => {
             tracing::error!("soft body {entity} was not built: {reason}");

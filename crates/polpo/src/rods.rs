@@ -181,11 +181,13 @@ pub(crate) fn build_rods(
         if old.is_some() && !rods.is_changed() {
             continue;
         }
+        // What rods make of the masses is no news for a body that sleeps; rods that come, go or change are.
+        let particles = particles.bypass_change_detection();
         if let Some(old) = old {
-            give_back(&mut particles, &old.before);
+            give_back(particles, &old.before);
         }
         commands.entity(entity).remove::<(Edges, ImplicitGroups)>();
-        match calibrate(&body.rig, &mut particles, &rods) {
+        match calibrate(&body.rig, particles, &rods) {
             Ok(edges) => {
                 commands.entity(entity).try_insert(edges);
             }

@@ -210,3 +210,27 @@ fn a_long_step_after_a_short_one_mistakes_no_side() {
         particles.position[0] += Vec3A::from(way);
     }
 }
+
+/// In the middle of a step the tip of a bar that turns fast is farther out than at either end of it.
+#[test]
+fn the_tip_of_a_fast_bar_sweeps_all_of_its_arc() {
+    for (sense, small) in [(1.0f32, 0.003f32), (-1.0, 0.003), (1.0, 0.001)] {
+        let mut lab = Lab::new();
+        let turn = 20.0 * sense;
+        {
+            let mut rapier = lab.rapier();
+            let rapier = &mut *rapier;
+            // Half of the step's turn before the particle, and half after it.
+            let start = Vec3::Y * (-0.5 * turn * DT);
+            let body = RigidBodyBuilder::kinematic_velocity_based().angvel(Vec3::Y * turn).rotation(start);
+            let bar = rapier.bodies.insert(body);
+            rapier.colliders.insert_with_parent(ColliderBuilder::cuboid(1.0, 0.05, 0.005), bar, &mut rapier.bodies);
+        }
+        lab.app.insert_resource(polpo::Gravity(Vec3::ZERO));
+        let body = lab.spawn(single(Vec3::splat(small)), Vec3::X * 0.994, Vec3::ZERO);
+        lab.steps(2);
+        let velocity = lab.velocity(body, 0);
+        println!("{turn} rad/s, {small} m: {velocity}");
+        assert!(velocity.z * -sense > 10.0, "{turn} rad/s, {small} m: {velocity}");
+    }
+}

@@ -209,8 +209,9 @@ impl Obstacle {
             parent.map_or((Vector::ZERO, Vector::ZERO, Vector::ZERO), |body| motion(body, offset, dt));
         let mut bounds = world_bounds(&local_bounds, anchor + offset, rotation);
         let end = world_bounds(&local_bounds, anchor + offset + velocity * dt, turned(rotation, angular_velocity * dt));
-        bounds.mins = bounds.mins.min(end.mins);
-        bounds.maxs = bounds.maxs.max(end.maxs);
+        let bulge = bulge(&local_bounds, angular_velocity.length() * dt);
+        bounds.mins = bounds.mins.min(end.mins) - bulge;
+        bounds.maxs = bounds.maxs.max(end.maxs) + bulge;
         Some(Self {
             handle,
             body: collider.parent(),
@@ -259,7 +260,7 @@ impl Obstacle {
         if !self.is_made_like(old) {
             return f32::INFINITY;
         }
-        let reach = self.local_bounds.mins.abs().max(self.local_bounds.maxs.abs()).length();
+        let reach = reach(&self.local_bounds);
         // Of a small turn by θ, twice the vector part is θ; of a great one it is still more than the rest of the body's way could make up for.
         let turn = 2.0 * (self.rotation * old.rotation.inverse()).xyz().length();
         let way = ((self.anchor - old.anchor) + (self.offset - old.offset)).length() + turn * reach;
@@ -325,6 +326,17 @@ impl Obstacle {
 }
 
 /// Whether the boxes meet; `mins` … `maxs` is relative to `origin`. Far out the world's floats are coarse; the box grows by a few of their steps.
+/// How far points of the box `bounds` get, at most, out of the box around where they are at both ends of a turn by `angle` about the origin: the arc of one at the distance r rises above its chord by r·(1 − cos ½θ), which is at
+/// most r·θ²/8 and 2·r.
+fn bulge(bounds: &Aabb, angle: f32) -> f32 {
+    reach(bounds) * (0.125 * angle * angle).min(2.0)
+}
+
+/// How far from its origin a shape with `bounds` gets, at most. Finite, so that a half-space that does not turn has no way times an infinity.
+fn reach(bounds: &Aabb) -> f32 {
+    bounds.mins.abs().max(bounds.maxs.abs()).length().min(f32::MAX)
+}
+
 fn near(bounds: &Aabb, mins: Vector, maxs: Vector, origin: Vector) -> bool {
     let slop = 1e-6 * origin.abs().max_element();
     (bounds.mins - origin).cmple(maxs + slop).all() && (bounds.maxs - origin).cmpge(mins - slop).all()

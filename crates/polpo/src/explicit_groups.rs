@@ -131,7 +131,7 @@ pub(crate) fn strike_by_pairs(
         let revision = groups.revision();
         for pair in own.map_or(&[][..], SelfPairs::pairs) {
             for particle in pair.particles {
-                groups.strike(particle, pair.closing_speed);
+                groups.strike(particle, pair.approach);
             }
         }
         let_rest(&groups, revision, (implicit, edges));
@@ -141,7 +141,7 @@ pub(crate) fn strike_by_pairs(
             let Ok((mut groups, implicit, edges, _)) = bodies.get_mut(body) else { continue };
             let revision = groups.revision();
             for pair in met.pairs() {
-                groups.strike(pair.particles[side], pair.closing_speed);
+                groups.strike(pair.particles[side], pair.approach);
             }
             let_rest(&groups, revision, (implicit, edges));
         }

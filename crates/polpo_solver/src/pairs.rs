@@ -16,6 +16,8 @@ pub struct Pair {
     pub impulse: f32,
     /// The greatest speed at which their surfaces met in this step \[m/s\], 0 if they did not; written by the solver.
     pub closing_speed: f32,
+    /// The same of the last substep.
+    pub approach: f32,
     /// Whether they touched in this step; written by the solver.
     pub touching: bool,
     /// The friction impulse of the running substep \[N·s\].
@@ -40,6 +42,7 @@ impl Pair {
             normal: d.try_normalize().unwrap_or(Vec3A::X),
             impulse: 0.0,
             closing_speed: 0.0,
+            approach: 0.0,
             touching: false,
             friction: Vec3A::ZERO,
             reach: ra.max_element() + rb.max_element(),
@@ -300,6 +303,7 @@ impl Pairs {
             normal,
             impulse: 0.0,
             closing_speed: 0.0,
+            approach: 0.0,
             touching: false,
             friction: Vec3A::ZERO,
             reach: 0.0,

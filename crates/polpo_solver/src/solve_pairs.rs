@@ -87,6 +87,7 @@ pub fn solve_pairs(pairs: &mut Pairs, sides: &mut Sides, rules: &PairRules, pass
     for pair in &mut pairs.list {
         if pass == 0 {
             pair.impulse = 0.0;
+            pair.approach = 0.0;
             pair.friction = Vec3A::ZERO;
         }
         if let Some(touch) = look(pair, sides, way_out) {
@@ -435,6 +436,7 @@ fn resolve(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rul
     let mut both = Ends { point: ends[0].x + touch.point, ends, speed2, added: Vec3A::ZERO };
     let yielding = both.yielding(n);
     let approach = -n.dot(both.velocity());
+    pair.approach = pair.approach.max(approach);
     pair.closing_speed = pair.closing_speed.max(approach);
     let yields = yielding > 0.0;
     if !yields {

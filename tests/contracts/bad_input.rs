@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{CapabilityRejected, Frozen, Particles, SelfPairs, SoftBodyRejected};
+use polpo::{CapabilityRejected, Frozen, Particles, SelfPairs, SoftBodyRejected, SubstepTime};
 use polpo_rig::Rig;
 use polpo_tests::{lattice, simulation, steps};
 
@@ -127,4 +127,24 @@ fn nonsense_parameters_do_not_panic() {
     assert!(app.world().get::<Particles>(body).unwrap().is_finite());
     assert!(app.world().get::<Frozen>(body).is_none());
     assert_eq!(app.world().resource::<Gravity>(), &Gravity::default(), "what cannot be used is not taken");
+}
+
+/// A number that would hang the game counts as the most that there may be.
+#[test]
+fn too_many_substeps_and_iterations_are_cut() {
+    let run = |substeps: u32, iterations: u32| {
+        let mut app = simulation();
+        app.insert_resource(SolverSettings { substeps, iterations });
+        app.world_mut().spawn(SoftBody::new(lattice(0.1)));
+        steps(&mut app, 1);
+        let mut bodies = app.world_mut().query::<&Particles>();
+        let particles = bodies.single(app.world()).unwrap();
+        (particles.position.clone(), app.world().resource::<SubstepTime>().iterations)
+    };
+    let most = run(10_000, 1);
+    assert_ne!(run(9_000, 1), most);
+    for substeps in [10_001, 20_000] {
+        assert_eq!(run(substeps, 1), most, "{substeps}");
+    }
+    assert_eq!(run(1, 101).1, 100);
 }

@@ -282,7 +282,7 @@ pub(crate) fn check_substeps(time: Res<Time>, settings: Res<SolverSettings>, mut
     for (entity, mut edges) in &mut bodies {
         // Saturates.
         let needed = (step / edges.longest).ceil().max(1.0) as u32;
-        let taken = settings.substeps.max(1);
+        let taken = settings.in_range().substeps;
         if edges.needed != needed || edges.taken != taken {
             (edges.needed, edges.taken) = (needed, taken);
         }

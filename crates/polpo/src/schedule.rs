@@ -77,15 +77,27 @@ pub struct ConstraintSchedule;
 /// How finely a step is divided.
 #[derive(Resource, Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SolverSettings {
-    /// Substeps a step, at least 1 (0 counts as 1). Default 5.
+    /// Substeps a step. Range 1 to [`MOST_SUBSTEPS`](Self::MOST_SUBSTEPS); what is outside counts as the nearest. Default 5.
     ///
     /// The first thing to raise: cost grows with it, stiffness stays as asked up to about 0.3 × substeps / Δt hertz (90 Hz at the defaults and 60 steps a second), fast bodies meet thin
     /// things more reliably.
     pub substeps: u32,
-    /// Sweeps over the constraints a substep, at least 1 (0 counts as 1). Default 1.
+    /// Sweeps over the constraints a substep. Range 1 to [`MOST_ITERATIONS`](Self::MOST_ITERATIONS); what is outside counts as the nearest. Default 1.
     ///
     /// With several, each constraint remembers what it has done in the substep, so that the stiffness stays what was asked for; that costs memory and a little time. Prefer substeps.
     pub iterations: u32,
+}
+
+impl SolverSettings {
+    /// As many substeps as there may be: below a microsecond or two, `f32` does not tell how far anything gets. One body of 27 particles takes a tenth of a second for them, and a slip of the pen does not hang the game.
+    pub const MOST_SUBSTEPS: u32 = 10_000;
+    /// As many iterations as there may be.
+    pub const MOST_ITERATIONS: u32 = 100;
+
+    /// The same with both within their ranges: what the step takes.
+    pub(crate) fn in_range(self) -> Self {
+        Self { substeps: self.substeps.clamp(1, Self::MOST_SUBSTEPS), iterations: self.iterations.clamp(1, Self::MOST_ITERATIONS) }
+    }
 }
 
 impl Default for SolverSettings {
@@ -235,8 +247,7 @@ impl Plugin for PolpoPlugin {
 /// One step is `substeps` runs of [`SubstepSchedule`]. A step of no, negative or non-finite duration does nothing.
 fn run_substeps(world: &mut World) {
     let step = world.get_resource::<Time>().map_or(0.0, Time::delta_secs);
-    let SolverSettings { substeps, iterations } = *world.resource::<SolverSettings>();
-    let (substeps, iterations) = (substeps.max(1), iterations.max(1));
+    let SolverSettings { substeps, iterations } = world.resource::<SolverSettings>().in_range();
     let delta = step / substeps as f32;
     if !(delta > 0.0 && delta.is_finite()) {
         return;

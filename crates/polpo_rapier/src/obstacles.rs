@@ -100,6 +100,7 @@ impl Obstacles {
         core::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
         self.stirred.clear();
+        self.reported.retain(|&handle| colliders.contains(handle));
         let mut before = 0;
         for (handle, collider) in colliders.iter() {
             let parent = collider.parent().and_then(|body| bodies.get(body));
@@ -325,7 +326,6 @@ impl Obstacle {
     }
 }
 
-/// Whether the boxes meet; `mins` … `maxs` is relative to `origin`. Far out the world's floats are coarse; the box grows by a few of their steps.
 /// How far points of the box `bounds` get, at most, out of the box around where they are at both ends of a turn by `angle` about the origin: the arc of one at the distance r rises above its chord by r·(1 − cos ½θ), which is at
 /// most r·θ²/8 and 2·r.
 fn bulge(bounds: &Aabb, angle: f32) -> f32 {
@@ -337,6 +337,7 @@ fn reach(bounds: &Aabb) -> f32 {
     bounds.mins.abs().max(bounds.maxs.abs()).length().min(f32::MAX)
 }
 
+/// Whether the boxes meet; `mins` … `maxs` is relative to `origin`. Far out the world's floats are coarse; the box grows by a few of their steps.
 fn near(bounds: &Aabb, mins: Vector, maxs: Vector, origin: Vector) -> bool {
     let slop = 1e-6 * origin.abs().max_element();
     (bounds.mins - origin).cmple(maxs + slop).all() && (bounds.maxs - origin).cmpge(mins - slop).all()
@@ -450,6 +451,13 @@ mod tests {
         colliders.insert(ColliderBuilder::new(SharedShape::new(HalfSpace::new(Vector::Y))));
         obstacles.gather(&bodies, &colliders, DT);
         assert_eq!((obstacles.len(), obstacles.reported.len()), (1, 2));
+        // Nor are those remembered that are gone.
+        let (mut islands, all) = (IslandManager::new(), obstacles.reported.clone());
+        for handle in all {
+            colliders.remove(handle, &mut islands, &mut bodies, true);
+        }
+        obstacles.gather(&bodies, &colliders, DT);
+        assert_eq!((obstacles.len(), obstacles.reported.len()), (1, 0));
     }
 
     #[test]

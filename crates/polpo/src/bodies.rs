@@ -23,9 +23,10 @@ use crate::{
 /// A rig that cannot be simulated, or a transform that is not finite or not uniformly scaled, is refused with the event [`SoftBodyRejected`] and an error in the log; the entity then just does not
 /// move.
 #[derive(Component, Debug, Clone)]
+#[component(immutable)]
 #[require(Transform, ShapeMatching, DistanceConstraints, Torsion, Damping, Collision, BodyContact, KeepMomentum, Sleep)]
 pub struct SoftBody {
-    /// What the body is made of; shared by all bodies made from it.
+    /// What the body is made of; shared by all bodies made from it. The component is immutable: another rig comes by inserting it again.
     pub rig: Arc<Rig>,
 }
 

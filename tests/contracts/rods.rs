@@ -157,6 +157,8 @@ fn bad_rods_leave_the_body_without() {
         Rods { shape: RodShape::Section { section, edges: Some(vec![0, 7]) }, ..Rods::new(good, section) },
         Rods { shape: RodShape::Section { section, edges: Some(vec![1, 1]) }, ..Rods::new(good, section) },
         Rods { solve: RodSolve::Sweep { spin_radius: f32::NAN }, ..Rods::new(good, section) },
+        Rods { retardation: f32::NAN, ..Rods::new(good, section) },
+        Rods { retardation: -1e-3, ..Rods::new(good, section) },
     ] {
         let mut app = simulation();
         let body = app.world_mut().spawn((SoftBody::new(bar(3)), rods)).id();

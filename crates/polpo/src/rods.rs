@@ -26,7 +26,7 @@ pub struct Rods {
     pub shape: RodShape,
     /// How they are solved; default [`RodSolve::Direct`] for a section, and a sweep for cells.
     pub solve: RodSolve,
-    /// Retardation time τ of the material \[s\]: a mode of frequency f is damped with the ratio π·f·τ. Range 0 (none, the default) to infinity; swept, it asks for more substeps.
+    /// Retardation time τ of the material \[s\]: a mode of frequency f is damped with the ratio π·f·τ. Range 0 (none, the default) to infinity, negative and NaN are refused; swept, it asks for more substeps.
     pub retardation: f32,
 }
 
@@ -224,7 +224,11 @@ fn make(rig: &Rig, particles: &mut Particles, rods: &Rods, before: Vec<[f32; 2]>
             (edges, rings)
         }
     };
-    edges.retardation = rods.retardation;
+    let retardation = rods.retardation;
+    if retardation.is_nan() || retardation < 0.0 {
+        return Err(CalibrationError::Range { what: "the retardation time", value: retardation, range: "not 0 or more" }.into());
+    }
+    edges.retardation = retardation;
     let (direct, longest) = match (rods.solve, &rods.shape) {
         (RodSolve::Direct, _) if !rings.middle.is_empty() => return Err(CalibrationError::DirectRings.into()),
         (RodSolve::Direct, _) => (Some(Box::new(DirectEdges::new(&edges, particles.len())?)), f32::INFINITY),

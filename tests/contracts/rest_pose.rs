@@ -4,7 +4,7 @@ use core::f32::consts::TAU;
 
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{CapabilityRejected, ImplicitGroups, Inflation, Particles, Posed, RestPose};
+use polpo::{CapabilityRejected, Frozen, ImplicitGroups, Inflation, Particles, Posed, RestPose};
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_solver::momentum;
 use polpo_tests::{lattice, simulation, steps};
@@ -110,4 +110,28 @@ fn bad_poses_are_refused_by_name() {
     let entity = app.world().entity(body);
     assert!(!entity.contains::<RestPose>() && !entity.contains::<Inflation>() && !entity.contains::<Posed>());
     assert!(app.world().get::<Particles>(body).unwrap().is_finite());
+}
+
+/// What is asked of a frozen body is neither made from what froze it nor forgotten.
+#[test]
+fn a_pose_outlives_a_quarantine() {
+    for scales in [[1.1, 1.5], [1.5, 1.5]] {
+        let mut app = simulation();
+        app.insert_resource(Gravity(Vec3::ZERO));
+        let body = app.world_mut().spawn((SoftBody::new(lattice(0.1)), Inflation::new(scales[0]))).id();
+        steps(&mut app, 3);
+        let rest = app.world().get::<Particles>(body).unwrap().rest_position.clone();
+        app.world_mut().get_mut::<Particles>(body).unwrap().rest_position[3].x = f32::NAN;
+        steps(&mut app, 2);
+        assert!(app.world().entity(body).contains::<Frozen>());
+        app.world_mut().get_mut::<Inflation>(body).unwrap().scale = scales[1];
+        steps(&mut app, 2);
+        app.world_mut().get_mut::<Particles>(body).unwrap().rest_position = rest;
+        app.world_mut().entity_mut(body).remove::<Frozen>();
+        steps(&mut app, 300);
+        assert!(!app.world().entity(body).contains::<Frozen>());
+        let p = app.world().get::<Particles>(body).unwrap();
+        let across = p.position[0].distance(p.position[2]);
+        assert!((across - 0.3).abs() < 0.01, "{scales:?}: {across} m");
+    }
 }

@@ -4,7 +4,7 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 
 use crate::capability::reject;
-use crate::{CalibratedEdges, Edges, ImplicitGroups, Particles};
+use crate::{CalibratedEdges, Edges, Frozen, ImplicitGroups, Particles};
 
 /// The pose that the body strives for, instead of the rig's. Change it from step to step, and it works like a muscle: [`ShapeMatching`](crate::ShapeMatching), [`DistanceConstraints`](crate::DistanceConstraints),
 /// [`Torsion`](crate::Torsion) and [`Rods`](crate::Rods) follow it, with their stiffness, and nothing pulls from outside. A fish whose spine waves, with [`AirDrag`](crate::AirDrag) of water, swims.
@@ -46,11 +46,11 @@ impl Default for Inflation {
 #[derive(Component, Debug, Clone, Default)]
 pub struct Posed {
     pub(crate) pose: polpo_solver::RestPose,
-    /// Which of the two components it was made from.
-    from: [bool; 2],
+    /// Which of the two components it was made from; `None`: they have changed since.
+    from: Option<[bool; 2]>,
 }
 
-/// In phase `Prepare`, after groups and edges are there: gives them the pose if it has changed or they are new.
+/// In phase `Prepare`, after groups and edges are there: gives them the pose if it has changed or they are new. Not those of a frozen body, whose particles may be no numbers: it gets its pose when it goes on.
 #[expect(clippy::type_complexity, reason = "one query over what a pose is made of and what follows it")]
 pub(crate) fn pose_bodies(
     mut commands: Commands,
@@ -64,16 +64,23 @@ pub(crate) fn pose_bodies(
             Option<Mut<ImplicitGroups>>,
             Option<Mut<Edges>>,
             Option<Mut<CalibratedEdges>>,
+            Has<Frozen>,
         ),
         Or<(With<RestPose>, With<Inflation>, With<Posed>)>,
     >,
 ) {
-    for (entity, particles, pose, inflation, mut posed, groups, edges, rods) in &mut bodies {
+    for (entity, particles, pose, inflation, mut posed, groups, edges, rods, frozen) in &mut bodies {
         let from = [pose.is_some(), inflation.is_some()];
         let changed = pose.as_ref().is_some_and(|p| p.is_changed()) || inflation.as_ref().is_some_and(|i| i.is_changed());
         let new = groups.as_ref().is_some_and(|g| g.is_added()) || edges.as_ref().is_some_and(|e| e.is_added());
         let new = new || rods.as_ref().is_some_and(|r| r.is_unposed());
-        if !(changed || new) && posed.as_ref().is_some_and(|p| p.from == from) {
+        if !(changed || new) && posed.as_ref().is_some_and(|p| p.from == Some(from)) {
+            continue;
+        }
+        if frozen {
+            if let Some(posed) = &mut posed {
+                posed.from = None;
+            }
             continue;
         }
         let mut fresh = polpo_solver::RestPose::default();
@@ -114,9 +121,9 @@ pub(crate) fn pose_bodies(
             _ if from == [false, false] => {
                 commands.entity(entity).remove::<Posed>();
             }
-            Some(mut posed) => posed.from = from,
+            Some(mut posed) => posed.from = Some(from),
             None => {
-                commands.entity(entity).try_insert(Posed { pose: fresh, from });
+                commands.entity(entity).try_insert(Posed { pose: fresh, from: Some(from) });
             }
         }
     }

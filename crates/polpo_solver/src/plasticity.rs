@@ -72,6 +72,9 @@ pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, pose: &R
 
 /// Lets the rest lengths of edges creep towards their lengths, in a step or substep of `dt` \[s\], within the maximum of what they have in `pose`. Allocates the first time that something flows.
 pub fn creep_edges(edges: &mut Edges, particles: &Particles, pose: &RestPose, plasticity: Plasticity, dt: f32) {
+    if plasticity.share(f32::INFINITY, dt) <= 0.0 {
+        return;
+    }
     for e in 0..edges.pairs.len() {
         let pair = edges.pairs[e];
         let rest = &mut edges.rest_length[e];

@@ -49,7 +49,7 @@ impl Resistance {
         match self {
             Self::None => 0.0,
             Self::Tiny => 0.1 * std::f64::consts::TAU,
-            Self::Rigid => 1.0 / substep,
+            Self::Rigid => 0.0 * substep,
         }
     }
 }

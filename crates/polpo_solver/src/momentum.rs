@@ -2,6 +2,7 @@
 
 use glam::{Mat3A, Quat, Vec3A};
 
+use crate::workless::{allowed_energy, shed_energy};
 use crate::{Particles, extract_rotation};
 
 /// Momentum and energy of a body.
@@ -57,12 +58,17 @@ pub fn restore_angular_momentum(p: &mut Particles, angular: Vec3A, dt: f32) {
     if p.inverse_mass.contains(&0.0) || p.inverse_inertia.contains(&0.0) {
         return;
     }
+    let allowed = allowed_energy(p);
     let now = momentum(p);
-    let Some(turn) = solve_inertia(now.inertia, angular - now.angular) else { return };
-    let turn = turn.clamp_length_max(0.1 / dt);
-    for i in 0..p.len() {
-        p.velocity[i] += turn.cross(p.position[i] - now.center);
-        p.angular_velocity[i] += turn;
+    if let Some(turn) = solve_inertia(now.inertia, angular - now.angular) {
+        let turn = turn.clamp_length_max(0.1 / dt);
+        for i in 0..p.len() {
+            p.velocity[i] += turn.cross(p.position[i] - now.center);
+            p.angular_velocity[i] += turn;
+        }
+    }
+    if let Some(allowed) = allowed {
+        shed_energy(p, allowed);
     }
 }
 

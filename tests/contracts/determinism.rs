@@ -10,7 +10,8 @@ use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use polpo::prelude::*;
 use polpo::{
-    BodyPairs, Edges, ExplicitGroups, ExplicitState, Frozen, ImplicitGroups, Inflation, Plasticity, RestPose, RodSolve, Rods, SelfPairs,
+    BodyPairs, Edges, ExplicitGroups, ExplicitState, Frozen, ImplicitGroups, Inflation, Plasticity, RestPose, RodShape, RodSolve, Rods,
+    SelfPairs,
 };
 use polpo_rapier::{PushRigidBodies, PushState};
 use polpo_scenes::{DropScene, OctopusScene, SimulationPlugins};
@@ -118,7 +119,7 @@ fn every_capability_is_used_in_the_random_scenes_and_something_happens_to_it() {
                 let rods = body.get::<Rods>();
                 note("direct rods", rods.is_some_and(|rods| rods.solve == RodSolve::Direct));
                 note("swept rods", rods.is_some_and(|rods| rods.solve != RodSolve::Direct));
-                note("ribs", rods.is_some_and(|rods| rods.edges.is_some()));
+                note("ribs", rods.is_some_and(|rods| matches!(rods.shape, RodShape::Section { edges: Some(_), .. })));
                 note("pushes", body.contains::<PushRigidBodies>() && body.get::<PushState>().is_some_and(|push| !push.contacts.is_empty()));
                 note("tied to a rigid body", body.get::<PushState>().is_some_and(|push| !push.ties.is_empty()));
                 note("rest pose", body.contains::<RestPose>());

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{EdgeStiffness, Inflation, Material, ParticleStiffness, Plasticity, RodSolve, Rods, Section};
+use polpo::{EdgeStiffness, Inflation, Material, ParticleStiffness, Plasticity, RodShape, RodSolve, Rods, Section};
 use polpo_rapier::{PushRigidBodies, RapierWorld, RigidBodyFollower};
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_scenes::octopus_asset;
@@ -127,7 +127,8 @@ fn spawn(world: &mut World, random: &mut Random, rig: Rig, index: usize, hook: E
     } else if random.once_in(3) {
         // A few stiff ribs in a soft body.
         let ribs = (0..4).map(|k| (k * edges / 5) as u32).collect();
-        body.insert(Rods { edges: Some(ribs), retardation: 0.01 * random.unit(), ..rods });
+        let shape = RodShape::Section { section: Section::circle(0.02), edges: Some(ribs) };
+        body.insert(Rods { shape, retardation: 0.01 * random.unit(), ..rods });
     }
     if random.once_in(2) {
         add_groups(&mut body, random, &rest);

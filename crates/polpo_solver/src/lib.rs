@@ -40,6 +40,10 @@ mod explicit_memory;
 #[cfg(test)]
 mod explicit_tests;
 #[cfg(test)]
+mod facet_bodies;
+#[cfg(test)]
+mod facet_sweep_tests;
+#[cfg(test)]
 mod facet_tests;
 mod facets;
 mod groups;
@@ -48,6 +52,7 @@ mod integrate;
 mod joint_tests;
 mod joints;
 mod landing;
+mod limb;
 mod material;
 mod math;
 mod momentum;
@@ -98,6 +103,7 @@ pub use facets::Facet;
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;
 pub use landing::land_explicit_groups;
+pub use limb::Limb;
 pub use material::{CalibrationError, Material, Section};
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};

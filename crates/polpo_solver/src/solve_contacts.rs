@@ -157,6 +157,7 @@ fn turn(p: &mut Particles, i: usize, by: Vec3A, rate: f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::Random;
     use crate::{ParticleRest, integrate, predict, quat_exp};
     use glam::Quat;
 
@@ -263,6 +264,28 @@ mod tests {
         wall.velocity = Vec3A::X * 2.0;
         step(&mut p, wall, dt);
         assert!((p.velocity[0].x - 2.0).abs() < 1e-2, "{}", p.velocity[0]);
+    }
+
+    /// A surface at rest takes energy and never gives any, however deep, fast, rough and slanted, but for what [`ROUNDING`] lets through.
+    #[test]
+    fn a_contact_gives_no_energy() {
+        let mut random = Random(5);
+        for _ in 0..20_000 {
+            let mut p = particle(random.vector().abs() * 0.1 + 0.02);
+            let dt = libm::powf(10.0, random.signed() * 1.2 - 2.3);
+            let mut contact = floor((random.vector() + Vec3A::Y * 0.01).normalize(), random.signed() + 1.0);
+            p.rotation[0] = quat_exp(random.vector() * 3.0);
+            p.velocity[0] = random.vector() * 10.0;
+            p.angular_velocity[0] = random.vector() * 50.0;
+            let energy = |p: &Particles| crate::momentum(p).kinetic_energy;
+            contact.point = p.position[0] - contact.normal * (random.signed() * 0.15 + 0.05);
+            let before = energy(&p);
+            p.previous_position[0] = p.position[0] - p.velocity[0] * dt;
+            let mut contacts = Contacts { list: vec![contact] };
+            solve_contacts(&mut contacts, &mut p, dt, 3.0);
+            let slack = ROUNDING * 0.3 / dt * (2.0 * p.mass[0] * before).sqrt();
+            assert!(energy(&p) <= before * (1.0 + 1e-5) + slack, "{before} → {} J: {contact:?}", energy(&p));
+        }
     }
 
     #[test]

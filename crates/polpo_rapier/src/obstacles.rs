@@ -29,7 +29,7 @@ pub(crate) struct Stirred {
     layers: [InteractionGroups; 2],
     /// The rigid body that it belongs to.
     pub(crate) body: Option<RigidBodyHandle>,
-    /// How fast its points move at most, or have come since the step before \[m/s\]; infinite if it has come, gone or is made otherwise.
+    /// How fast its points move, or have come since the step before, in the root mean square over its box, as for soft bodies \[m/s\]; infinite if it has come, gone or is made otherwise.
     pub(crate) speed: f32,
 }
 
@@ -261,11 +261,13 @@ impl Obstacle {
         if !self.is_made_like(old) {
             return f32::INFINITY;
         }
-        let reach = reach(&self.local_bounds);
+        // Of a box about its origin the root mean square distance of its points.
+        let size = reach(&self.local_bounds) * (1.0f32 / 3.0).sqrt();
         // Of a small turn by θ, twice the vector part is θ; of a great one it is still more than the rest of the body's way could make up for.
         let turn = 2.0 * (self.rotation * old.rotation.inverse()).xyz().length();
-        let way = ((self.anchor - old.anchor) + (self.offset - old.offset)).length() + turn * reach;
-        (way / dt).max(self.velocity.length() + self.angular_velocity.length() * reach)
+        let way = ((self.anchor - old.anchor) + (self.offset - old.offset)).length();
+        let mean = |straight: f32, round: f32| (straight * straight + round * round).sqrt();
+        mean(way / dt, turn * size / dt).max(mean(self.velocity.length(), self.angular_velocity.length() * size))
     }
 
     /// Where it is now, at the end of the step, and where it was at the start of the last one, relative to `origin`.

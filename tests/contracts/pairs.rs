@@ -382,27 +382,33 @@ fn nonsense_does_not_panic() {
     }
 }
 
-/// A negative speed, or none, leaves an overlap as it is; it does not deepen it, nor undo it at once.
+/// A negative speed, or none, leaves an overlap as it is; it does not deepen it, nor undo it at once. Of two particles of one body and of two bodies.
 #[test]
 fn a_push_speed_that_is_none_pushes_no_pair() {
-    let run = |push_speed: f32| {
-        let mut app = simulation();
-        app.insert_resource(Gravity(Vec3::ZERO));
-        let own = SelfContact { push_speed, ..default() };
-        let contact = BodyContact { push_speed, ..default() };
-        let bodies =
-            [0.0, 0.25].map(|x| app.world_mut().spawn((SoftBody::new(lattice(0.1)), own, contact, Transform::from_xyz(x, 0.0, 0.0))).id());
-        // Two that do not touch at rest, one in the other.
-        let mut p = app.world_mut().get_mut::<Particles>(bodies[0]).unwrap();
-        let to = p.position[26] - Vec3A::X * 0.05;
-        p.position[0] = to;
-        steps(&mut app, 5);
-        state_of(app.world_mut())
-    };
-    let still = run(0.0);
-    assert_ne!(run(3.0), still);
-    assert_eq!(run(-5.0), still);
-    assert_eq!(run(f32::NAN), still);
+    let ball = |x: f32| Particle { position: Vec3::X * x, frame: Quat::IDENTITY, radii: Vec3::splat(0.1), mass: 1.0 };
+    let rig = |at: &[f32]| Rig { mesh_hash: MeshHash(0), particles: at.iter().map(|&x| ball(x)).collect(), edges: vec![], skin: vec![] };
+    for within in [true, false] {
+        let run = |push_speed: f32| {
+            let mut app = simulation();
+            app.insert_resource(Gravity(Vec3::ZERO));
+            if within {
+                let own = SelfContact { push_speed, ..default() };
+                let body = app.world_mut().spawn((SoftBody::new(rig(&[-1.0, 1.0])), own)).id();
+                app.world_mut().get_mut::<Particles>(body).unwrap().position = vec![Vec3A::X * -0.05, Vec3A::X * 0.05];
+            } else {
+                for x in [-0.05, 0.05] {
+                    let contact = BodyContact { push_speed, ..default() };
+                    app.world_mut().spawn((SoftBody::new(rig(&[0.0])), contact, Transform::from_xyz(x, 0.0, 0.0)));
+                }
+            }
+            steps(&mut app, 2);
+            state_of(app.world_mut())
+        };
+        let still = run(0.0);
+        assert_ne!(run(3.0), still, "within {within}");
+        assert_eq!(run(-5.0), still, "within {within}");
+        assert_eq!(run(f32::NAN), still, "within {within}");
+    }
 }
 
 /// Four octopuses dropped onto each other: they stay finite, come to rest and stay where they are, though not each of their particles is without speed: a light one wedged between others is given one by the last of

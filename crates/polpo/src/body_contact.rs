@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo_solver::{Bounds, BroadPhase, PAIR_PASSES, PairFinder, PairRules, Pairs, Sides, solve_pairs, swept_bounds};
+use polpo_solver::{Bounds, BroadPhase, PAIR_PASSES, PairFinder, PairRules, Pairs, Sides, Support, solve_pairs, swept_bounds};
 
 use crate::self_contact::{note_support, pair_search};
 use crate::{Contacts, Frozen, Gravity, Particles, Sleeping, SubstepTime};
@@ -34,7 +34,7 @@ impl Default for BodyContact {
 pub struct BodyPair {
     bodies: [Entity; 2],
     pairs: Pairs,
-    support: [Vec<Vec3A>; 2],
+    support: [Support; 2],
 }
 
 impl BodyPair {

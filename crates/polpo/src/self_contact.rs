@@ -1,8 +1,7 @@
 //! Self-contact: a body does not pass through itself.
 
-use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Sides, find_support, solve_pairs};
+use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Sides, Support, solve_pairs};
 
 use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
@@ -35,7 +34,7 @@ pub struct SelfPairs {
     resting: RestPairs,
     /// Scratch memory of its own, so that bodies can be worked on side by side.
     finder: PairFinder,
-    support: Vec<Vec3A>,
+    support: Support,
 }
 
 impl SelfPairs {
@@ -99,9 +98,9 @@ pub(crate) fn solve_self_pairs(
 }
 
 /// Which particles lie on a collider, if the body meets any.
-pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, dt: f32, support: &mut Vec<Vec3A>) {
+pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, dt: f32, support: &mut Support) {
     match contacts {
-        Some(contacts) => find_support(contacts, particles, dt, support),
+        Some(contacts) => support.find(contacts, particles, dt),
         None => support.clear(),
     }
 }

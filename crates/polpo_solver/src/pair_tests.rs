@@ -25,7 +25,7 @@ fn find(p: &Particles, dt: f32) -> Pairs {
 
 fn solve(pairs: &mut Pairs, p: &mut Particles, rules: &PairRules) {
     for pass in 0..PAIR_PASSES {
-        solve_pairs(pairs, &mut Sides::Within { particles: p, support: &[] }, rules, pass);
+        solve_pairs(pairs, &mut Sides::Within { particles: p, support: &Support::default() }, rules, pass);
     }
 }
 
@@ -281,7 +281,13 @@ fn what_is_pinned_or_held_is_not_moved() {
     let still = a.clone();
     a.velocity[0] = Vec3A::Y * 7.0;
     for pass in 0..PAIR_PASSES {
-        let mut sides = Sides::Between { first: &mut a, second: &mut b, offset, held: [true, false], support: [&[]; 2] };
+        let mut sides = Sides::Between {
+            first: &mut a,
+            second: &mut b,
+            offset,
+            held: [true, false],
+            support: [&Support::default(), &Support::default()],
+        };
         solve_pairs(&mut pairs, &mut sides, &PairRules { dt: 0.01, friction: 0.5, push_speed: 3.0 }, pass);
     }
     assert_eq!(a.position, still.position);
@@ -391,12 +397,12 @@ fn what_lies_on_the_ground_bears_what_lies_on_it() {
             angular_velocity: Vec3A::ZERO,
             impulse: 0.0,
         };
-        let (mut contacts, mut pairs, mut support) = (Contacts { list: vec![plane] }, Pairs::default(), Vec::new());
+        let (mut contacts, mut pairs, mut support) = (Contacts { list: vec![plane] }, Pairs::default(), Support::default());
         for _ in 0..600 {
             PairFinder::default().find_within(&p, &RestPairs::default(), &search(dt), &mut pairs);
             predict(&mut p, G, dt);
             if knows {
-                find_support(&contacts, &p, dt, &mut support);
+                support.find(&contacts, &p, dt);
             }
             for pass in 0..PAIR_PASSES {
                 let mut sides = Sides::Within { particles: &mut p, support: &support };

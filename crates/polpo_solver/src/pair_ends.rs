@@ -1,0 +1,169 @@
+//! The two particles of a pair while it is solved, and what an impulse between them does.
+
+use glam::{Quat, Vec3A};
+
+use crate::Sides;
+use crate::pairs::Pair;
+use crate::shape_matching::turned;
+use crate::support::Freedom;
+
+/// No contact turns a particle by more than this in one go \[rad\], see [`solve_contacts`](crate::solve_contacts).
+const LARGEST_TURN: f32 = 0.5;
+
+/// A particle while a pair is solved, in the first body's coordinates.
+pub(crate) struct End {
+    x: Vec3A,
+    v: Vec3A,
+    pub(crate) q: Quat,
+    spin: Vec3A,
+    /// Inverse mass and inverse inertia.
+    pub(crate) w: [f32; 2],
+    inertia: f32,
+    freedom: Freedom,
+}
+
+impl End {
+    /// `push` is where the pair presses it.
+    fn new(sides: &Sides, k: usize, i: usize, push: Vec3A, friction: f32) -> Self {
+        let (p, origin, held) = sides.side(k);
+        let free = if held { 0.0 } else { 1.0 };
+        let freedom = if held { Freedom::None } else { sides.support(k).freedom(i, push, friction) };
+        let yields = if freedom == Freedom::None { 0.0 } else { 1.0 };
+        Self {
+            x: p.position[i] + origin,
+            v: p.velocity[i] * free,
+            q: p.rotation[i],
+            spin: p.angular_velocity[i] * free,
+            w: [p.inverse_mass[i] * yields, p.inverse_inertia[i] * yields],
+            inertia: p.inertia[i],
+            freedom,
+        }
+    }
+
+    /// How far an impulse moves it \[m\].
+    fn moved(&self, impulse: Vec3A) -> Vec3A {
+        self.freedom.of(impulse) * self.w[0]
+    }
+
+    fn store(self, sides: &mut Sides, k: usize, i: usize) {
+        let (p, origin, held) = sides.side_mut(k);
+        if !held {
+            p.position[i] = self.x - origin;
+            p.velocity[i] = self.v;
+            p.rotation[i] = self.q;
+            p.angular_velocity[i] = self.spin;
+        }
+    }
+}
+
+/// Both ends, the point where they touch, and the angular momentum that moving them has added.
+pub(crate) struct Ends {
+    pub(crate) ends: [End; 2],
+    pub(crate) point: Vec3A,
+    /// How fast one moved past the other at first, squared.
+    speed2: f32,
+    added: Vec3A,
+}
+
+impl Ends {
+    /// The two of a pair that touch along the normal at the point, from the first's centre.
+    pub(crate) fn new(pair: &Pair, sides: &Sides, [normal, point]: [Vec3A; 2], friction: f32) -> Self {
+        let [i, j] = pair.particles.map(|i| i as usize);
+        let ends = [End::new(sides, 0, i, -normal, friction), End::new(sides, 1, j, normal, friction)];
+        Self { point: ends[0].x + point, speed2: (ends[1].v - ends[0].v).length_squared(), ends, added: Vec3A::ZERO }
+    }
+
+    pub(crate) fn store(self, pair: &Pair, sides: &mut Sides) {
+        for (k, end) in self.ends.into_iter().enumerate() {
+            end.store(sides, k, pair.particles[k] as usize);
+        }
+    }
+
+    pub(crate) fn arms(&self) -> [Vec3A; 2] {
+        [self.point - self.ends[0].x, self.point - self.ends[1].x]
+    }
+
+    /// W along the unit vector `n`: how far apart an impulse of one moves the two at the point where they touch.
+    pub(crate) fn yielding(&self, n: Vec3A) -> f32 {
+        let arms = self.arms();
+        (0..2).map(|k| n.dot(self.ends[k].moved(n)) + self.ends[k].w[1] * arms[k].cross(n).length_squared()).sum()
+    }
+
+    /// The velocity of the second past the first where they touch \[m/s\].
+    pub(crate) fn velocity(&self) -> Vec3A {
+        let arms = self.arms();
+        let [a, b] = &self.ends;
+        b.v + b.spin.cross(arms[1]) - a.v - a.spin.cross(arms[0])
+    }
+
+    /// Gives the second an `impulse` \[N·s\] at the point, the first the opposite. They are moved and turned along by what makes up `way` \[m\] at the point; returns how much of that was done, which is less where it would
+    /// turn one of them by more than [`LARGEST_TURN`].
+    pub(crate) fn strike(&mut self, impulse: Vec3A, way: f32, dt: f32) -> f32 {
+        let arms = self.arms();
+        let strength = impulse.length();
+        let full = strength * self.yielding(impulse / strength) * dt;
+        let acts = full > 0.0;
+        if !acts {
+            return 0.0;
+        }
+        let mut share = (way / full).min(1.0) * dt;
+        let turn = (0..2).map(|k| arms[k].cross(impulse).length() * self.ends[k].w[1]).fold(0.0, f32::max) * share;
+        if turn > LARGEST_TURN {
+            share *= LARGEST_TURN / turn;
+        }
+        for (k, sign) in [(0, -1.0), (1, 1.0)] {
+            let end = &mut self.ends[k];
+            let spin = arms[k].cross(impulse * sign) * end.w[1];
+            end.v += end.moved(impulse * sign);
+            end.spin += spin;
+            end.q = turned(end.q, spin * share);
+        }
+        self.displace(impulse * share);
+        full * share / dt
+    }
+
+    /// Moves the second by `way` \[m\] from the first, by their masses, and leaves the velocities alone.
+    pub(crate) fn part(&mut self, way: Vec3A) {
+        let sum: f32 = self.ends.iter().map(|end| way.dot(end.moved(way))).sum();
+        if sum > 0.0 {
+            self.displace(way * (way.length_squared() / sum));
+        }
+    }
+
+    fn displace(&mut self, impulse: Vec3A) {
+        let [a, b] = &mut self.ends;
+        self.added += impulse.cross(b.v - a.v);
+        a.x -= a.moved(impulse);
+        b.x += b.moved(impulse);
+    }
+
+    /// Takes the angular momentum back that moving has added, by turning the two about their common centre as if they were one rigid body: of all changes of velocity that do it the one of least energy, and one that
+    /// two centres in one place can make as well.
+    ///
+    /// With the way D between the centres, m = m₁m₂/(m₁ + m₂) and I = I₁ + I₂ the inertia is (mD² + I)·1 − m·DDᵀ, and its inverse (1 + m/I·DDᵀ)/(mD² + I). What cannot turn has no share in I; if neither can, what is
+    /// added along D stays.
+    pub(crate) fn settle(&mut self) {
+        let added = self.added;
+        let [a, b] = &mut self.ends;
+        if a.w[0] == 0.0 || b.w[0] == 0.0 || a.freedom != Freedom::All || b.freedom != Freedom::All || added == Vec3A::ZERO {
+            return;
+        }
+        let (mass, d) = (1.0 / (a.w[0] + b.w[0]), b.x - a.x);
+        let inertia: f32 = [&*a, &*b].iter().filter(|end| end.w[1] > 0.0).map(|end| end.inertia).sum();
+        let along = if inertia > 0.0 { d * (mass * d.dot(added) / inertia) } else { -d * (d.dot(added) / d.length_squared()) };
+        let turn = -(added + along) / (mass * d.length_squared() + inertia);
+        // A push by more than their own size cannot be taken back by turning.
+        let turns = turn.is_finite() && turn.dot(-added) <= mass * self.speed2;
+        if !turns {
+            return;
+        }
+        let impulse = turn.cross(d) * mass;
+        a.v -= impulse * a.w[0];
+        b.v += impulse * b.w[0];
+        for end in [a, b] {
+            if end.w[1] > 0.0 {
+                end.spin += turn;
+            }
+        }
+    }
+}

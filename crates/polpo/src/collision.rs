@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 
 use crate::particles::{Awake, for_each_body};
-use crate::{Particles, SubstepTime};
+use crate::{BodyPairs, Particles, SelfPairs, SubstepTime};
 
 /// How a body meets colliders. Comes with every [`SoftBody`](crate::SoftBody).
 ///
@@ -36,12 +36,36 @@ pub struct Contacts(pub polpo_solver::Contacts);
 #[derive(Component, Debug, Clone, Default, PartialEq, Deref, DerefMut)]
 pub struct ContactMemory(pub polpo_solver::FreePositions);
 
+/// In phase `SolveContacts`, first: what lies on a collider and may touch other particles is borne before those push it.
+pub(crate) fn bear_contacts(
+    time: Res<SubstepTime>,
+    between: Res<BodyPairs>,
+    mut meeting: Local<Vec<Entity>>,
+    mut bodies: Query<(Entity, &mut Particles, &mut Contacts, &Collision, Option<&SelfPairs>), Awake>,
+) {
+    meeting.clear();
+    meeting.extend(between.iter().filter(|pair| !pair.pairs().is_empty()).flat_map(|pair| pair.bodies()));
+    meeting.sort_unstable();
+    let meeting = &*meeting;
+    for_each_body(
+        &mut bodies,
+        |(_, _, contacts, ..)| 60 * contacts.list.len(),
+        |(entity, mut particles, mut contacts, collision, own)| {
+            polpo_solver::begin_contacts(&mut contacts, time.delta);
+            if own.is_some_and(|own| !own.pairs().is_empty()) || meeting.binary_search(&entity).is_ok() {
+                polpo_solver::sweep_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed);
+            }
+        },
+    );
+}
+
+/// In phase `SolveContacts`, last but for rigid bodies that give way.
 pub(crate) fn solve_contacts(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut Contacts, &Collision), Awake>) {
     for_each_body(
         &mut bodies,
         |(_, contacts, _)| 60 * contacts.list.len(),
         |(mut particles, mut contacts, collision)| {
-            polpo_solver::solve_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed);
+            polpo_solver::sweep_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed);
         },
     );
 }

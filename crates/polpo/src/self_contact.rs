@@ -88,7 +88,7 @@ pub(crate) fn solve_self_pairs(
         |(mut particles, mut own, contact, contacts)| {
             let rules = PairRules { dt, friction: contact.friction, push_speed: contact.push_speed };
             let SelfPairs { pairs, support, .. } = &mut *own;
-            note_support(contacts, &particles, dt, support);
+            note_support(contacts, &particles, support);
             let mut sides = Sides::Within { particles: &mut particles.0, support };
             for pass in 0..PAIR_PASSES {
                 solve_pairs(pairs, &mut sides, &rules, pass);
@@ -98,9 +98,9 @@ pub(crate) fn solve_self_pairs(
 }
 
 /// Which particles lie on a collider, if the body meets any.
-pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, dt: f32, support: &mut Support) {
+pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, support: &mut Support) {
     match contacts {
-        Some(contacts) => support.find(contacts, particles, dt),
+        Some(contacts) => support.find(contacts, particles),
         None => support.clear(),
     }
 }

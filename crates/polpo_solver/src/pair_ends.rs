@@ -96,30 +96,21 @@ impl Ends {
         b.v + b.spin.cross(arms[1]) - a.v - a.spin.cross(arms[0])
     }
 
-    /// Gives the second an `impulse` \[N·s\] at the point, the first the opposite. They are moved and turned along by what makes up `way` \[m\] at the point; returns how much of that was done, which is less where it would
-    /// turn one of them by more than [`LARGEST_TURN`].
-    pub(crate) fn strike(&mut self, impulse: Vec3A, way: f32, dt: f32) -> f32 {
+    /// Moves and turns the second by `impulse` \[kg·m\] at the point, the first by the opposite, and gives it to their velocities. Less is done where it would turn one of them by more than [`LARGEST_TURN`]; returns how much
+    /// of it was.
+    pub(crate) fn strike(&mut self, impulse: Vec3A, dt: f32) -> f32 {
         let arms = self.arms();
-        let strength = impulse.length();
-        let full = strength * self.yielding(impulse / strength) * dt;
-        let acts = full > 0.0;
-        if !acts {
-            return 0.0;
-        }
-        let mut share = (way / full).min(1.0) * dt;
-        let turn = (0..2).map(|k| arms[k].cross(impulse).length() * self.ends[k].w[1]).fold(0.0, f32::max) * share;
-        if turn > LARGEST_TURN {
-            share *= LARGEST_TURN / turn;
-        }
+        let turn = (0..2).map(|k| arms[k].cross(impulse).length() * self.ends[k].w[1]).fold(0.0, f32::max);
+        let impulse = if turn > LARGEST_TURN { impulse * (LARGEST_TURN / turn) } else { impulse };
         for (k, sign) in [(0, -1.0), (1, 1.0)] {
             let end = &mut self.ends[k];
-            let spin = arms[k].cross(impulse * sign) * end.w[1];
-            end.v += end.moved(impulse * sign);
-            end.spin += spin;
-            end.q = turned(end.q, spin * share);
+            let angle = arms[k].cross(impulse * sign) * end.w[1];
+            end.v += end.moved(impulse * sign) / dt;
+            end.spin += angle / dt;
+            end.q = turned(end.q, angle);
         }
-        self.displace(impulse * share);
-        full * share / dt
+        self.displace(impulse);
+        impulse.length()
     }
 
     /// Moves the second by `way` \[m\] from the first, by their masses, and leaves the velocities alone.
@@ -137,33 +128,37 @@ impl Ends {
         b.x += b.moved(impulse);
     }
 
-    /// Takes the angular momentum back that moving has added, by turning the two about their common centre as if they were one rigid body: of all changes of velocity that do it the one of least energy, and one that
-    /// two centres in one place can make as well.
+    /// Takes the angular momentum back that moving has added: an impulse j across the line of centres D with D×j = −added, and equal spins for what is left along D.
     ///
-    /// With the way D between the centres, m = m₁m₂/(m₁ + m₂) and I = I₁ + I₂ the inertia is (mD² + I)·1 − m·DDᵀ, and its inverse (1 + m/I·DDᵀ)/(mD² + I). What cannot turn has no share in I; if neither can, what is
-    /// added along D stays.
+    /// Of two centres almost in one place that impulse would be faster than they were. They turn as one rigid body instead, spins included, which of all changes of velocity that do it is the one of least energy: with
+    /// m = m₁m₂/(m₁ + m₂) and I = I₁ + I₂ the inertia is (mD² + I)·1 − m·DDᵀ, and its inverse (1 + m/I·DDᵀ)/(mD² + I).
     pub(crate) fn settle(&mut self) {
         let added = self.added;
         let [a, b] = &mut self.ends;
-        if a.w[0] == 0.0 || b.w[0] == 0.0 || a.freedom != Freedom::All || b.freedom != Freedom::All || added == Vec3A::ZERO {
+        let bears = |end: &End| end.w[0] == 0.0 || end.freedom != Freedom::All;
+        if bears(a) || bears(b) || added == Vec3A::ZERO {
             return;
         }
-        let (mass, d) = (1.0 / (a.w[0] + b.w[0]), b.x - a.x);
-        let inertia: f32 = [&*a, &*b].iter().filter(|end| end.w[1] > 0.0).map(|end| end.inertia).sum();
-        let along = if inertia > 0.0 { d * (mass * d.dot(added) / inertia) } else { -d * (d.dot(added) / d.length_squared()) };
-        let turn = -(added + along) / (mass * d.length_squared() + inertia);
-        // A push by more than their own size cannot be taken back by turning.
-        let turns = turn.is_finite() && turn.dot(-added) <= mass * self.speed2;
-        if !turns {
-            return;
+        let (sum, d) = (a.w[0] + b.w[0], b.x - a.x);
+        let length2 = d.length_squared();
+        let turn_freely = a.w[1] > 0.0 && b.w[1] > 0.0;
+        let inertia = a.inertia + b.inertia;
+        let mut impulse = d.cross(added) / length2;
+        let mut turn = d * (-added.dot(d) / length2 / inertia);
+        let brakes = impulse.length_squared() * sum * sum <= self.speed2;
+        if !brakes {
+            if !turn_freely {
+                return;
+            }
+            let mass = 1.0 / sum;
+            turn = -(added + d * (mass * d.dot(added) / inertia)) / (mass * length2 + inertia);
+            impulse = turn.cross(d) * mass;
         }
-        let impulse = turn.cross(d) * mass;
         a.v -= impulse * a.w[0];
         b.v += impulse * b.w[0];
-        for end in [a, b] {
-            if end.w[1] > 0.0 {
-                end.spin += turn;
-            }
+        if turn_freely {
+            a.spin += turn;
+            b.spin += turn;
         }
     }
 }

@@ -16,8 +16,6 @@ pub(crate) struct Touch {
     pub(crate) before: f32,
     /// Where they touch, from the first's centre \[m\].
     pub(crate) point: Vec3A,
-    /// Whether they have moved past each other by more than half their thickness in the substep.
-    pub(crate) fast: bool,
 }
 
 /// Whether the two overlap, and how. Keeps the pair's normal up to date.
@@ -39,7 +37,7 @@ pub(crate) fn look(pair: &mut Pair, sides: &Sides, way_out: Option<Vec3A>) -> Op
         // Which of them overlap is theirs to say; where to, the bodies'.
         let e = [sides.ellipsoid(0, i), sides.ellipsoid(1, j)];
         let along = EllipsoidPair::new(&e[0], &e[1], d).along(out);
-        touch = Touch { normal: out, gap: along.gap, before: along.gap + out.dot(d0 - d), point: 0.5 * d, fast };
+        touch = Touch { normal: out, gap: along.gap, before: along.gap + out.dot(d0 - d), point: 0.5 * d };
     }
     Some(touch)
 }
@@ -69,7 +67,7 @@ fn look_at_spheres(pair: &mut Pair, sides: &Sides, d: Vec3A, d0: Vec3A, fast: bo
         return None;
     }
     let first = sides.side(0).0.radii[pair.particles[0] as usize].x;
-    Some(Touch { normal, gap, before, point: normal * (first + 0.5 * gap), fast })
+    Some(Touch { normal, gap, before, point: normal * (first + 0.5 * gap) })
 }
 
 fn look_at_ellipsoids(pair: &mut Pair, sides: &Sides, d: Vec3A, d0: Vec3A, fast: bool) -> Option<Touch> {
@@ -114,7 +112,7 @@ fn look_at_ellipsoids(pair: &mut Pair, sides: &Sides, d: Vec3A, d0: Vec3A, fast:
         // Each direction's gap is a bound from below.
         if now < 0.0 && was_known { now.max(gap(normal_before)) } else { now }
     };
-    Some(Touch { normal: found.normal, gap: found.gap, before, point: 0.5 * (found.reach[0] + found.reach[1] + d), fast })
+    Some(Touch { normal: found.normal, gap: found.gap, before, point: 0.5 * (found.reach[0] + found.reach[1] + d) })
 }
 
 /// What two ellipsoids meet with on the way of one past the other.

@@ -20,8 +20,6 @@ pub struct Pair {
     pub touching: bool,
     /// The friction impulse of the running substep \[N·s\].
     pub(crate) friction: Vec3A,
-    /// Along which normal they touch in the running substep and where, from the first's centre \[m\].
-    pub(crate) hold: Option<[Vec3A; 2]>,
     /// How far apart their centres can be when they touch \[m\].
     pub(crate) reach: f32,
     /// How near their centres can be when they touch \[m\].
@@ -44,7 +42,6 @@ impl Pair {
             closing_speed: 0.0,
             touching: false,
             friction: Vec3A::ZERO,
-            hold: None,
             reach: ra.max_element() + rb.max_element(),
             thickness: least(ra) + least(rb),
             round: round(ra) && round(rb),

@@ -44,9 +44,7 @@ pub struct PairRules {
 }
 
 /// How often a substep goes over the pairs: what leaves one neighbour may be pressed into the next.
-pub const PAIR_PASSES: u32 = 6;
-/// In the first of them pairs are looked at and parted; the others go over the impulses of those that touch.
-const LOOKS: u32 = 2;
+pub const PAIR_PASSES: u32 = 2;
 
 /// Solves every pair once; `pass` counts up to [`PAIR_PASSES`] in a substep.
 ///
@@ -60,12 +58,14 @@ const LOOKS: u32 = 2;
 /// *Friction.* Coulomb's law on the way that the contact points have slipped over each other during the substep, as in [`solve_contacts`](crate::solve_contacts), and with the substep's normal impulse as its bound. It,
 /// too, goes into the velocities as far as it stops them.
 ///
+/// *Support.* A particle that lies on a collider gives way only as far as that lets it, see [`Support`].
+///
 /// *Sides.* A pair that moves by more than half its thickness in the substep and was apart before it is held by the plane where it met on its way. A normal does not turn by more than a right angle in a
 /// substep while the two overlap: what is pressed deep keeps its side.
 ///
 /// *Momentum.* All impulses are equal and opposite at one point, so P is kept to rounding. L = Σ m·x×v would be kept only at the places where the impulses act: moving two particles by the way ±Δ/m
-/// afterwards changes it by Δ×(v₁ − v₂). That is taken back, as a skater's arms do it: from the two's turning about each other, and, the little there is about the line of centres, from their spins. That may cost or give a few
-/// thousandths of the energy of a pair that slips by a tenth of its radius a substep.
+/// afterwards changes it by Δ×(v₁ − v₂). That is taken back by turning the two about each other, spins included, as a skater's arms do it. That may cost or give a few thousandths of the energy of a pair that slips by a tenth
+/// of its radius a substep.
 ///
 /// Degenerate: pairs of particles that do not exist or are not finite are skipped; of two that cannot be moved nothing is.
 pub fn solve_pairs(pairs: &mut Pairs, sides: &mut Sides, rules: &PairRules, pass: u32) {
@@ -79,11 +79,8 @@ pub fn solve_pairs(pairs: &mut Pairs, sides: &mut Sides, rules: &PairRules, pass
         if pass == 0 {
             pair.impulse = 0.0;
             pair.friction = Vec3A::ZERO;
-            pair.hold = None;
         }
-        if pass >= LOOKS {
-            hold(pair, sides, &rules);
-        } else if let Some(touch) = look(pair, sides, way_out) {
+        if let Some(touch) = look(pair, sides, way_out) {
             pair.touching = true;
             part(pair, sides, &touch, way_out.is_some(), &rules);
         }
@@ -151,8 +148,6 @@ fn part(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rules:
     if !deep {
         return;
     }
-    // What has flown on along the plane where they met is no longer there.
-    pair.hold = (!touch.fast).then_some([n, touch.point]);
     let mut both = Ends::new(pair, sides, [n, touch.point], friction);
     let yielding = both.yielding(n);
     let approach = -n.dot(both.velocity());
@@ -161,10 +156,9 @@ fn part(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rules:
     if !yields {
         return;
     }
-    let approach = approach.max(0.0);
     let made_now = (touch.before.min(0.0) - touch.gap).max(0.0);
-    let struck = both.strike(n * (approach / yielding), made_now.min(approach * dt), dt);
-    pair.impulse += approach / yielding;
+    let struck = both.strike(n * (made_now.min(approach * dt).max(0.0) / yielding), dt) * yielding;
+    pair.impulse += struck / yielding / dt;
     if friction > 0.0 && pair.impulse > 0.0 && !leaving {
         rub(pair, sides, &mut both, n, friction, dt);
     }
@@ -173,25 +167,6 @@ fn part(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rules:
     }
     both.settle();
     both.store(pair, sides);
-}
-
-/// Goes over the normal impulse once more: it may grow, or shrink again, but never pulls.
-fn hold(pair: &mut Pair, sides: &mut Sides, rules: &PairRules) {
-    let Some([n, point]) = pair.hold else { return };
-    let mut both = Ends::new(pair, sides, [n, point], rules.friction);
-    let yielding = both.yielding(n);
-    let yields = yielding > 0.0;
-    if !yields {
-        return;
-    }
-    let impulse = (pair.impulse - n.dot(both.velocity()) / yielding).max(0.0);
-    let more = impulse - pair.impulse;
-    if more != 0.0 {
-        pair.impulse = impulse;
-        both.strike(n * more, more.abs() * yielding * rules.dt, rules.dt);
-        both.settle();
-        both.store(pair, sides);
-    }
 }
 
 /// Friction, on the way that the points which touch have slipped over each other in this substep.
@@ -231,7 +206,7 @@ fn rub(pair: &mut Pair, sides: &Sides, both: &mut Ends, n: Vec3A, friction: f32,
     let way = strength * dt * yielding;
     let stopped = way.min((-along.dot(both.velocity()) * dt).max(0.0));
     if stopped > 0.0 {
-        both.strike(along * (stopped / yielding * rate), stopped, dt);
+        both.strike(along * (stopped / yielding), dt);
     }
     if way > stopped {
         both.part(along * (way - stopped));

@@ -55,14 +55,12 @@ impl Freedom {
 }
 
 impl Support {
-    /// Notes which particles lie on a collider in the substep of `dt` \[s\]: those that would be in it at its end, as they are now.
-    pub fn find(&mut self, contacts: &Contacts, p: &Particles, dt: f32) {
+    /// Notes which particles lie on a collider, to a thousandth of their thickness, after [`sweep_contacts`](crate::sweep_contacts).
+    pub fn find(&mut self, contacts: &Contacts, p: &Particles) {
         self.clear();
         for contact in &contacts.list {
             let i = contact.particle as usize;
-            if i < p.len()
-                && contact.normal.dot(p.position[i] - contact.point - contact.velocity * dt) <= p.ellipsoid(i).support(contact.normal).0
-            {
+            if i < p.len() && contact.normal.dot(p.position[i] - contact.point) <= 1.001 * p.ellipsoid(i).support(contact.normal).0 {
                 self.first.resize(p.len(), NONE);
                 let next = core::mem::replace(&mut self.first[i], self.bearings.len() as u32);
                 self.bearings.push(Bearing { normal: contact.normal, friction: contact.friction, next });

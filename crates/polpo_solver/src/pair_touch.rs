@@ -3,7 +3,7 @@
 use glam::Vec3A;
 
 use crate::Sides;
-use crate::ellipsoid_pair::EllipsoidPair;
+use crate::ellipsoid_pair::{EllipsoidPair, thickness};
 use crate::pairs::{Pair, nearest};
 
 /// An overlap.
@@ -72,10 +72,12 @@ fn look_at_spheres(pair: &mut Pair, sides: &Sides, d: Vec3A, d0: Vec3A, fast: bo
 
 fn look_at_ellipsoids(pair: &mut Pair, sides: &Sides, d: Vec3A, d0: Vec3A, fast: bool) -> Option<Touch> {
     let [i, j] = pair.particles.map(|i| i as usize);
-    let both = EllipsoidPair::new(&sides.ellipsoid(0, i), &sides.ellipsoid(1, j), d);
-    if pair.known && !fast && both.gap_along(pair.normal) >= 0.0 {
+    let e = [sides.ellipsoid(0, i), sides.ellipsoid(1, j)];
+    // Most are apart along the normal of a moment ago, which takes no matrices to see.
+    if pair.known && !fast && pair.normal.dot(d) >= e.iter().map(|e| thickness(e, pair.normal)).sum() {
         return None;
     }
+    let both = EllipsoidPair::new(&e[0], &e[1], d);
     let mut met = None;
     if fast {
         match sweep(pair, &both.at(d0), d - d0) {

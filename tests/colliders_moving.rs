@@ -7,6 +7,8 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 use harness::*;
 use polpo::{Collision, Particles};
+use polpo_rapier::{ContactDetector, DetectionInput, Obstacles};
+use polpo_solver::ParticleRest;
 use rapier3d::prelude::*;
 
 const FLOOR: f32 = -0.5;
@@ -174,4 +176,37 @@ fn a_dynamic_body_is_seen_with_its_velocity() {
     let body = lab.spawn_with(ball(), Transform::from_xyz(0.0, 0.5, 0.0), Vec3::ZERO, polpo::GravityScale(0.0));
     lab.steps(30);
     assert!((lab.velocity(body, 0).x - 4.0).abs() < 0.1, "{}", lab.velocity(body, 0));
+}
+
+/// A lift that goes down with what stands on it, when one step is a hundred times as long as the one before: where the lift was in the last step follows from the length of that, not of this. Else the particle would seem to have
+/// come up through its floor.
+#[test]
+fn a_long_step_after_a_short_one_mistakes_no_side() {
+    let (mut bodies, mut colliders) = (RigidBodySet::new(), ColliderSet::new());
+    let lift = bodies.insert(RigidBodyBuilder::kinematic_velocity_based().linvel(Vec3::Y * -5.0));
+    colliders.insert_with_parent(ColliderBuilder::cuboid(1.0, 0.02, 1.0), lift, &mut bodies);
+    let ball = ParticleRest { position: Vec3::Y.into(), frame: Quat::IDENTITY, radii: Vec3::splat(0.05).into(), mass: 1.0 };
+    let mut particles = polpo_solver::Particles::new(&[ball]).unwrap();
+    particles.position[0] = (Vec3::Y * 0.07).into();
+    particles.velocity[0] = (Vec3::Y * -5.0).into();
+    let (mut obstacles, mut detector) = (Obstacles::default(), ContactDetector::default());
+    let (mut free, mut contacts) = (polpo_solver::FreePositions::default(), polpo_solver::Contacts::default());
+    for dt in [0.001, 0.001, 0.1] {
+        obstacles.gather(&bodies, &colliders, dt);
+        let input = DetectionInput {
+            particles: &particles,
+            origin: Vec3::ZERO,
+            acceleration: Vec3::ZERO,
+            dt,
+            friction: 0.5,
+            memberships: u32::MAX,
+            filter: u32::MAX,
+        };
+        detector.detect(&input, &obstacles, &colliders, &mut free, &mut contacts);
+        assert!(!contacts.list.is_empty() && contacts.list.iter().all(|c| c.normal.y > 0.9), "{dt} s: {contacts:?}");
+        let way = Vec3::Y * (-5.0 * dt);
+        let at = bodies[lift].translation() + way;
+        bodies[lift].set_translation(at, true);
+        particles.position[0] += Vec3A::from(way);
+    }
 }

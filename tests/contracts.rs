@@ -6,6 +6,8 @@ mod assets_are_whole;
 mod bad_input;
 #[path = "contracts/bodies_come_and_go.rs"]
 mod bodies_come_and_go;
+#[path = "contracts/changed_at_run_time.rs"]
+mod changed_at_run_time;
 #[path = "contracts/determinism.rs"]
 mod determinism;
 #[path = "contracts/dynamic_bodies.rs"]
@@ -16,10 +18,16 @@ mod explicit_groups;
 mod far_from_the_origin;
 #[path = "contracts/free_flight.rs"]
 mod free_flight;
+#[path = "contracts/groups_in_parallel.rs"]
+mod groups_in_parallel;
+#[path = "contracts/joints.rs"]
+mod joints;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
 #[path = "contracts/pairs.rs"]
 mod pairs;
+#[path = "contracts/pinned_groups.rs"]
+mod pinned_groups;
 #[path = "contracts/pins.rs"]
 mod pins;
 #[path = "contracts/plasticity.rs"]
@@ -44,3 +52,5 @@ mod stiffness_in_hertz;
 mod stiffness_lists;
 #[path = "contracts/unused_costs_nothing.rs"]
 mod unused_costs_nothing;
+#[path = "contracts/unused_is_not_run.rs"]
+mod unused_is_not_run;

@@ -11,10 +11,10 @@ use bevy::time::TimeUpdateStrategy;
 use polpo_scenes::{DropScene, OctopusScene, SimulationPlugins};
 use polpo_tests::{random_scene, state_of, steps};
 
-const THREADS: &str = "POLPO_TEST_THREADS";
+pub(crate) const THREADS: &str = "POLPO_TEST_THREADS";
 
 /// Takes `count` steps of the scene that `build` makes, on `threads` threads.
-fn hash_with(threads: usize, count: usize, build: impl FnOnce(&mut App)) -> u64 {
+pub(crate) fn hash_with(threads: usize, count: usize, build: impl FnOnce(&mut App)) -> u64 {
     let compute = TaskPoolThreadAssignmentPolicy {
         min_threads: threads,
         max_threads: threads,
@@ -61,15 +61,16 @@ fn child() {
     }
 }
 
-#[test]
-fn the_same_bits_from_run_to_run_and_for_any_number_of_threads() {
+/// Runs the test `child` of this binary with 1, 1, 2 and 8 threads; it says `hashes=…;`, and `witness` at some time.
+pub(crate) fn same_for_any_threads(child: &str, witness: &str) {
     let run = |threads: usize| {
         let output = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "determinism::child", "--nocapture"])
+            .args(["--exact", child, "--nocapture"])
             .env(THREADS, threads.to_string())
             .output()
             .unwrap();
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(text.contains(witness), "{text}{}", String::from_utf8_lossy(&output.stderr));
         let hashes = text.split("hashes=").nth(1).and_then(|rest| rest.split(';').next());
         hashes.map(str::to_owned).unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&output.stderr)))
     };
@@ -78,4 +79,9 @@ fn the_same_bits_from_run_to_run_and_for_any_number_of_threads() {
     assert_eq!(one, run(1), "two runs");
     assert_eq!(one, run(2), "one thread and two");
     assert_eq!(one, run(8), "one thread and eight");
+}
+
+#[test]
+fn the_same_bits_from_run_to_run_and_for_any_number_of_threads() {
+    same_for_any_threads("determinism::child", "octopus");
 }

@@ -144,18 +144,18 @@ fn a_soft_cube_stays_under_a_tonne() {
                 let jammed = 0.6 / n as f32;
                 assert!((c.under - jammed).abs() < 1e-4 && c.tilt < 1e-6, "{}: at {} {}", c.case, c.under, c.tilt);
                 // It lies still to 1e-4 m/s, but for what a ball half under its rim does when it slips.
-                assert!(c.rest < 1e-2 && c.aside < 0.03, "{}: {} m/s, {} m aside", c.case, c.rest, c.aside);
-                // The slab reaches out to 0.4 m: a ball may lie half under its rim, none is thrown out.
-                assert!(c.out[0] < 0.5, "{}: out to {:?}", c.case, c.out);
-                // While it is pressed flat at 3 m/s, particles shoot up into the slab that were out of its reach when the step's planes were found.
-                let most = if rate < 50.0 {
-                    0.15
+                assert!(c.rest < 2e-3 && c.aside < 0.025, "{}: {} m/s, {} m aside", c.case, c.rest, c.aside);
+                // The slab reaches out to 0.4 m: a ball may lie half under its rim, none is thrown out. While it is pressed flat at 3 m/s, particles shoot up into the slab that were out of its
+                // reach when the step's planes were found: by what the slab does in one step.
+                let (out, deep) = if rate < 50.0 {
+                    (0.49, 0.12)
                 } else if rate < 100.0 {
-                    0.1
+                    (0.44, 0.08)
                 } else {
-                    0.01
+                    (0.44, 0.006)
                 };
-                assert!(c.deep[0] < most && c.deep[1] < 1e-6, "{}: deep {:?}", c.case, c.deep);
+                assert!(c.out[0] < out, "{}: out to {:?}", c.case, c.out);
+                assert!(c.deep[0] < deep && c.deep[1] < 1e-6, "{}: deep {:?}", c.case, c.deep);
             }
         }
     }
@@ -167,8 +167,29 @@ fn a_stiff_cube_carries_a_slab() {
     let carried: Vec<Crush> = [(30.0, 80), (60.0, 40), (240.0, 10)].map(|(rate, substeps)| crush(3, 50.0, 100.0, rate, substeps)).into();
     for c in &carried {
         assert!((c.under - carried[2].under).abs() < 1e-3 && c.under > 0.57, "{}: {}", c.case, c.under);
-        assert!(c.rest < 1e-2 && c.aside < 5e-3 && c.tilt < 1e-5, "{}: {} m/s, {} m", c.case, c.rest, c.aside);
+        // The slab bounces at ω = √(g/sag) = 23 rad/s, and springs that are damped critically at 50 Hz, ω₀ = 314 rad/s, damp it by ω²/ω₀ = 1.7/s: of 0.63 m/s, from 2 cm, three seconds leave 3e-3 m/s.
+        assert!(c.rest < 1e-2 && c.aside < 2e-3 && c.tilt < 2e-6, "{}: {} m/s, {} m", c.case, c.rest, c.aside);
         assert!(c.out[0] < 0.21 && c.deep[0] < 1e-3, "{}: {:?} {:?}", c.case, c.out, c.deep);
+    }
+}
+
+/// A slab that is too heavy for a soft cube wobbles and tips off it, as a real one would: as a column buckles.
+///
+/// The cube is a column, clamped below, of the length ℓ = 0.4 m between its lowest and its highest layer's centres, whose springs have the stiffness k_z together and the second moment i² = (2/3)·(0.2 m)² about the middle; the slab's
+/// centre of mass is e = 0.2 m above. With EA = k_z·ℓ, Euler gives P_E = x²·EA·i²/ℓ² with x·tan x = ℓ/e, x = 1.0769; shear at ν = ¼ gives P_S = EA/2.5; and 1/P = 1/P_E + 1/P_S (Engesser). So P = k_z·52 mm: a cube that
+/// yields by much more than 5 cm under its load lets it tip. k_z is taken from a light slab, which does not know of it.
+#[test]
+fn a_cube_buckles_as_a_column_does() {
+    for stiffness in [25.0, 50.0] {
+        let slab = |mass: f32| crush(3, stiffness, mass, 60.0, 20);
+        let [light, heavier] = [5.0, 15.0].map(|mass| slab(mass).under);
+        let k = 10.0 * 9.81 / (light - heavier);
+        let (euler, shear) = (k * 1.0769f32.powi(2) * (0.04 * 2.0 / 3.0) / 0.4, k * 0.4 / 2.5);
+        let critical = euler * shear / (euler + shear) / 9.81;
+        println!("{stiffness} Hz: {k} N/m, buckles under {critical} kg");
+        let (stands, falls) = (slab(0.6 * critical), slab(1.7 * critical));
+        assert!(stands.tilt < 1e-5 && stands.aside < 5e-3 && stands.under > 0.55, "{} {} {}", stands.case, stands.tilt, stands.aside);
+        assert!(falls.tilt > 0.1 && falls.aside > 0.2, "{} {} {}", falls.case, falls.tilt, falls.aside);
     }
 }
 
@@ -232,18 +253,25 @@ fn a_jelly_pushes_a_free_box() {
     }
 }
 
-/// A jelly that is put on one end of a plank that turns about its middle makes it tip to that side.
+/// A jelly that is put on one end of a plank that turns about its middle makes it tip to that side, whichever of Rapier's kinds of joint it hangs on.
 #[test]
 fn a_seesaw_tips() {
-    for rate in [60.0, 240.0] {
-        for side in [-1.0, 1.0] {
+    for (rate, side) in [(60.0, -1.0), (60.0, 1.0), (240.0, -1.0), (240.0, 1.0)] {
+        for multibody in [false, true] {
             let mut app = simulation_at(rate);
             let plank = add_box(&mut app, Vec3::Y, Vec3::new(1.5, 0.05, 0.4), 5.0);
             {
                 let mut world = rapier(&mut app);
                 let world = &mut *world;
                 let post = world.bodies.insert(RigidBodyBuilder::fixed().translation(Vec3::Y));
-                world.impulse_joints.insert(post, plank, RevoluteJointBuilder::new(Vec3::Z), true);
+                let hinge = RevoluteJointBuilder::new(Vec3::Z);
+                if multibody {
+                    let joint = world.multibody_joints.insert(post, plank, hinge, true).expect("a tree");
+                    // Rapier damps a multibody's hinges by 0.1 N·m·s.
+                    world.multibody_joints.get_mut(joint).expect("it is there").0.damping_mut().fill(0.0);
+                } else {
+                    world.impulse_joints.insert(post, plank, hinge, true);
+                }
             }
             jelly(&mut app, cube(3, 0.4, 2.0), Vec3::new(side, 1.26, 0.0), Vec3::ZERO);
             steps(&mut app, (0.3 * rate) as usize);
@@ -252,8 +280,9 @@ fn a_seesaw_tips() {
             // From rest, with the jelly as a point: torque m·g·x over I_plank + m·(x² + h²).
             let inertia = 5.0 * (3.0f32.powi(2) + 0.1f32.powi(2)) / 12.0 + 2.0 * (1.0 + 0.25f32.powi(2));
             let expected = 2.0 * 9.81 / inertia * 0.3;
-            println!("{rate} Hz, {side}: {angle} rad, {turn} rad/s, about {expected}");
-            assert!((turn * -side / expected - 1.0).abs() < 0.01, "{turn} against {expected}");
+            println!("{rate} Hz, {side}, multibody {multibody}: {angle} rad, {turn} rad/s, about {expected}");
+            let most = if multibody { 0.015 } else { 0.01 };
+            assert!((turn * -side / expected - 1.0).abs() < most, "{turn} against {expected}");
         }
     }
 }

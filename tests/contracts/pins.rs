@@ -70,7 +70,7 @@ fn the_pull_of_a_pin_is_the_weight() {
     steps(&mut app, 1);
     let weight = 27.0 * 0.01 * 9.81;
     let force = app.world().resource::<Broken>().0.expect("it gave way");
-    assert!((force / weight - 1.0).abs() < 0.05, "{force} N against {weight} N");
+    assert!((force / weight - 1.0).abs() < 0.01, "{force} N against {weight} N");
 }
 
 #[test]

@@ -8,33 +8,18 @@ use polpo_scenes::SimulationPlugins;
 
 /// A 3×3×3 lattice of balls of 10 g, `spacing` \[m\] apart, joined along its axes and face diagonals. It has no skin.
 pub fn lattice(spacing: f32) -> Rig {
-    let mut particles = Vec::new();
-    for z in 0..3 {
-        for y in 0..3 {
-            for x in 0..3 {
-                let position = Vec3::new(x as f32 - 1.0, y as f32 - 1.0, z as f32 - 1.0) * spacing;
-                particles.push(Particle { position, frame: Quat::IDENTITY, radii: Vec3::splat(0.5 * spacing), mass: 0.01 });
-            }
-        }
-    }
-    let mut edges = Vec::new();
-    for i in 0..particles.len() {
-        for j in i + 1..particles.len() {
-            if particles[i].position.distance(particles[j].position) < 1.5 * spacing {
-                edges.push([i as u32, j as u32]);
-            }
-        }
-    }
-    Rig { mesh_hash: MeshHash(0), particles, edges, skin: Vec::new() }
+    balls(3, spacing, 0.01)
 }
 
 /// A cube of `n`³ balls that touch, of side `side` \[m\] and mass `mass` \[kg\] together, joined along axes and face diagonals. It has no skin.
 pub fn cube(n: usize, side: f32, mass: f32) -> Rig {
-    let spacing = side / n as f32;
+    balls(n, side / n as f32, mass / (n * n * n) as f32)
+}
+
+fn balls(n: usize, spacing: f32, mass: f32) -> Rig {
     let mut particles = Vec::new();
     for i in 0..n * n * n {
         let cell = Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) - Vec3::splat(0.5 * (n - 1) as f32);
-        let mass = mass / (n * n * n) as f32;
         particles.push(Particle { position: cell * spacing, frame: Quat::IDENTITY, radii: Vec3::splat(0.5 * spacing), mass });
     }
     let mut edges = Vec::new();

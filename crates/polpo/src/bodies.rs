@@ -8,8 +8,8 @@ use polpo_rig::{Rig, RigError};
 use polpo_solver::{ParticleError, ParticleRest};
 
 use crate::{
-    BodyContact, Collision, ContactMemory, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, Sleep, Sleeping,
-    StepStart, Torsion,
+    BodyContact, Collision, ContactMemory, Contacts, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, Sleep,
+    Sleeping, StepStart, Torsion,
 };
 
 /// Makes an entity a soft body.
@@ -89,14 +89,15 @@ type Built = (crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate:
 pub(crate) fn build_body(
     insert: On<Insert, SoftBody>,
     mut commands: Commands,
-    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>, Option<&mut ContactMemory>)>,
+    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>, Option<(&mut Contacts, &mut ContactMemory)>)>,
 ) {
     let entity = insert.entity;
-    let Ok((body, mut transform, velocity, memory)) = bodies.get_mut(entity) else {
+    let Ok((body, mut transform, velocity, met)) = bodies.get_mut(entity) else {
         return;
     };
     // A body that is built anew has no past.
-    if let Some(mut memory) = memory {
+    if let Some((mut contacts, mut memory)) = met {
+        contacts.list.clear();
         memory.position.clear();
     }
     match particles_at(&body.rig, &transform) {
@@ -106,7 +107,7 @@ pub(crate) fn build_body(
             }
             *transform = Transform::from_translation(origin);
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone(), origin };
-            commands.entity(entity).remove::<(Built, Frozen, Sleeping)>().insert((Particles(particles), start));
+            commands.entity(entity).remove::<(Built, Frozen, Sleeping)>().try_insert((Particles(particles), start));
         }
         Err(reason) => {
             tracing::error!("soft body {entity} was not built: {reason}");

@@ -11,13 +11,14 @@ use crate::{BodyPairs, Particles, SelfPairs, SubstepTime};
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 #[require(Contacts, ContactMemory)]
 pub struct Collision {
-    /// Coulomb's coefficient of the body's skin, combined with the collider's by the collider's rule. Range 0 (ice) to infinity; default 0.6.
+    /// Coulomb's coefficient of the body's skin, combined with the collider's by the collider's rule. Range 0 (ice) to infinity; default 0.6. Negative and NaN count as 0.
     pub friction: f32,
     /// The layers the body is in, one bit each. Default: the first.
     pub memberships: u32,
     /// The layers whose colliders the body meets. Default: all.
     pub filter: u32,
-    /// The speed at most at which an overlap is undone that nobody's motion made, as after spawning inside a wall \[m/s\]. Range 0 (stays stuck) to infinity (may explode); default 3.
+    /// The speed at most at which an overlap is undone that nobody's motion made, as after spawning inside a wall \[m/s\]. Range 0 (stays stuck) to infinity (may explode); default 3. Negative and NaN
+    /// count as 0.
     pub push_speed: f32,
 }
 
@@ -36,6 +37,13 @@ pub struct Contacts(pub polpo_solver::Contacts);
 #[derive(Component, Debug, Clone, Default, PartialEq, Deref, DerefMut)]
 pub struct ContactMemory(pub polpo_solver::FreePositions);
 
+/// A body that does not collide any more has nothing to lie on: pairs, groups and whoever lists what it touches would read its last planes for ever.
+pub(crate) fn forget_planes(remove: On<Remove, Collision>, mut bodies: Query<(&mut Contacts, &mut ContactMemory)>) {
+    if let Ok((mut contacts, mut memory)) = bodies.get_mut(remove.entity) {
+        (*contacts, *memory) = default();
+    }
+}
+
 /// In phase `SolveContacts`, first: what lies on a collider and may touch other particles is borne before those push it.
 pub(crate) fn bear_contacts(
     time: Res<SubstepTime>,
@@ -53,7 +61,7 @@ pub(crate) fn bear_contacts(
         |(entity, mut particles, mut contacts, collision, own)| {
             polpo_solver::begin_contacts(&mut contacts, time.delta);
             if own.is_some_and(|own| !own.pairs().is_empty()) || meeting.binary_search(&entity).is_ok() {
-                polpo_solver::sweep_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed);
+                polpo_solver::sweep_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed.max(0.0));
             }
         },
     );
@@ -65,7 +73,7 @@ pub(crate) fn solve_contacts(time: Res<SubstepTime>, mut bodies: Query<(&mut Par
         &mut bodies,
         |(_, contacts, _)| 60 * contacts.list.len(),
         |(mut particles, mut contacts, collision)| {
-            polpo_solver::sweep_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed);
+            polpo_solver::sweep_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed.max(0.0));
         },
     );
 }

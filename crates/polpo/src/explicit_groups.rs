@@ -5,7 +5,7 @@ use polpo_solver::ExplicitGroup;
 
 use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
-use crate::{BodyPairs, Contacts, Edges, ImplicitGroups, Particles, SelfPairs, SubstepTime};
+use crate::{BodyPairs, Contacts, Edges, Frozen, ImplicitGroups, Particles, SelfPairs, SubstepTime};
 
 /// Pieces of the body that move as a whole: a skull, a wheel, the plates of a car.
 ///
@@ -28,32 +28,31 @@ pub struct ExplicitState(pub polpo_solver::ExplicitGroups);
 /// In phase `Prepare`, before the implicit groups are built beside them: bodies with new or changed [`ExplicitGroups`] get their state, bodies without lose it.
 pub(crate) fn build_explicit(
     mut commands: Commands,
-    mut wanting: Query<(Entity, &Particles, Ref<ExplicitGroups>, Option<&mut ExplicitState>)>,
-    mut idle: Query<(Entity, Option<&mut Edges>), (With<ExplicitState>, Without<ExplicitGroups>)>,
+    mut wanting: Query<(Entity, &Particles, Ref<ExplicitGroups>, Option<&mut ExplicitState>, Has<Frozen>)>,
+    idle: Query<Entity, (With<ExplicitState>, Without<ExplicitGroups>)>,
 ) {
-    for (entity, particles, groups, state) in &mut wanting {
+    for (entity, particles, groups, state, frozen) in &mut wanting {
         let anew = match state {
             Some(_) if !groups.is_changed() => continue,
             Some(mut state) => state.update(particles, &groups.list),
+            // What froze it may be what they would be made from.
+            None if frozen => continue,
             None => polpo_solver::ExplicitGroups::new(particles, &groups.list).map(|state| {
-                commands.entity(entity).insert(ExplicitState(state));
+                commands.entity(entity).try_insert(ExplicitState(state));
                 true
             }),
         };
         match anew {
             Ok(false) => {}
             Ok(true) => {
-                commands.entity(entity).remove::<ImplicitGroups>();
+                commands.entity(entity).remove::<(Edges, ImplicitGroups)>();
             }
             // Without the component, what is left of the state is idle.
             Err(error) => reject::<ExplicitGroups>(&mut commands, entity, "ExplicitGroups", error),
         }
     }
-    for (entity, edges) in &mut idle {
-        if let Some(mut edges) = edges {
-            edges.rest_where_held(&polpo_solver::ExplicitGroups::default());
-        }
-        commands.entity(entity).remove::<(ExplicitState, ImplicitGroups)>();
+    for entity in &idle {
+        commands.entity(entity).remove::<(ExplicitState, Edges, ImplicitGroups)>();
     }
 }
 

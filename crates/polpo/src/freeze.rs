@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use polpo_solver::StateError;
 
 use crate::particles::Awake;
-use crate::{ExplicitState, Particles, SoftBody, StepStart};
+use crate::{ExplicitState, Particles, Sleeping, SoftBody, StepStart};
 
 /// A body that cannot be stepped: it stays at its last good state and takes no part in the step. Remove it to let the body try again.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,8 +44,10 @@ type Steppable = (Entity, &'static mut Particles, &'static mut Transform, &'stat
 ///
 /// What a body is made of (masses, radii, frames, rest positions) has no last good state and is left as it is; where it has the wrong length, it is filled up with NaN, so that the body freezes again until
 /// somebody puts it right or inserts its [`SoftBody`] anew.
-pub(crate) fn freeze_unfit_bodies(mut commands: Commands, mut bodies: Query<Steppable, Awake>) {
-    for (entity, mut particles, mut transform, mut start, body) in &mut bodies {
+///
+/// A body that is frozen already is looked at too, because others may touch it; nobody is told again.
+pub(crate) fn freeze_unfit_bodies(mut commands: Commands, mut bodies: Query<(Steppable, Has<Frozen>), Without<Sleeping>>) {
+    for ((entity, mut particles, mut transform, mut start, body), frozen) in &mut bodies {
         let count = body.map_or(particles.len(), |body| body.rig.particles.len());
         let Some(reason) = fault(&particles, &transform, count) else { continue };
         // Between steps, what of the places is in order is newer than the start of the last one.
@@ -56,7 +58,10 @@ pub(crate) fn freeze_unfit_bodies(mut commands: Commands, mut bodies: Query<Step
         if p.rotation.len() == count && p.rotation.iter().all(|q| q.is_finite() && q.length_squared() > 0.25) {
             start.rotation.clone_from(&p.rotation);
         }
-        freeze(&mut commands, entity, (&mut particles, &mut transform), &start, count, reason);
+        go_back((&mut particles, &mut transform), &start, count);
+        if !frozen {
+            freeze(&mut commands, entity, reason);
+        }
     }
 }
 
@@ -65,7 +70,8 @@ pub(crate) fn freeze_broken_bodies(mut commands: Commands, mut bodies: Query<Ste
     for (entity, mut particles, mut transform, start, body) in &mut bodies {
         let count = body.map_or(particles.len(), |body| body.rig.particles.len());
         if let Some(reason) = fault(&particles, &transform, count) {
-            freeze(&mut commands, entity, (&mut particles, &mut transform), &start, count, reason);
+            go_back((&mut particles, &mut transform), &start, count);
+            freeze(&mut commands, entity, reason);
         }
     }
 }
@@ -78,26 +84,18 @@ fn fault(particles: &Particles, transform: &Transform, count: usize) -> Option<F
     }
 }
 
-fn freeze(
-    commands: &mut Commands,
-    entity: Entity,
-    (particles, transform): (&mut Particles, &mut Transform),
-    start: &StepStart,
-    count: usize,
-    reason: FreezeReason,
-) {
+fn freeze(commands: &mut Commands, entity: Entity, reason: FreezeReason) {
     tracing::error!("soft body {entity} was frozen: {reason}");
-    if !transform.is_finite() {
-        *transform = Transform::from_translation(start.origin);
-    }
-    go_back(particles, start, count);
     // Explicit groups remember the motion that broke; they are made anew.
-    commands.entity(entity).remove::<ExplicitState>().insert(Frozen);
+    commands.entity(entity).remove::<ExplicitState>().try_insert(Frozen);
     commands.trigger(BodyFrozen { entity, reason });
 }
 
-/// The particles as they were at `start`, at rest.
-fn go_back(p: &mut polpo_solver::Particles, start: &StepStart, count: usize) {
+/// The body as it was at `start`, at rest.
+fn go_back((p, transform): (&mut polpo_solver::Particles, &mut Transform), start: &StepStart, count: usize) {
+    if !transform.is_finite() {
+        *transform = Transform::from_translation(start.origin);
+    }
     p.position.clone_from(&start.position);
     p.rotation.clone_from(&start.rotation);
     p.position.resize(count, Vec3A::ZERO);

@@ -10,7 +10,7 @@ use crate::{Particles, SubstepTime};
 /// Pulls one particle of the body towards a point, as a spring would that is fixed there. Remove it to let go.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct Grab {
-    /// Index of the particle. One that does not exist is not pulled.
+    /// Index of the particle. One that does not exist or is pinned is not pulled.
     pub particle: u32,
     /// Where it is pulled to \[m\], in the world.
     pub target: Vec3,
@@ -27,7 +27,9 @@ pub(crate) fn pull_grabbed(time: Res<SubstepTime>, mut bodies: Query<(&mut Parti
         let fraction = grab.stiffness.share(time.delta).stiffness;
         let target = Vec3A::from(grab.target - transform.translation);
         let i = grab.particle as usize;
-        if let Some(&x) = particles.position.get(i) {
+        if let Some(&x) = particles.position.get(i)
+            && particles.inverse_mass[i] > 0.0
+        {
             particles.displace(i, (target - x) * fraction, 1.0 / time.delta);
         }
     }

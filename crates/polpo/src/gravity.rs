@@ -12,6 +12,6 @@ impl Default for Gravity {
     }
 }
 
-/// How much of [`Gravity`] this body feels: 0 floats, 1 is the same as without this component, negative rises.
+/// How much of [`Gravity`] this body feels: 0 floats, 1 is the same as without this component, negative rises. One that is not finite gets the body [`Frozen`](crate::Frozen).
 #[derive(Component, Debug, Clone, Copy, PartialEq, Deref, DerefMut)]
 pub struct GravityScale(pub f32);

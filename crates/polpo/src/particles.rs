@@ -55,7 +55,7 @@ pub(crate) fn build_edges(
                 if let Some(explicit) = explicit {
                     edges.rest_where_held(explicit);
                 }
-                commands.entity(entity).insert(Edges(edges));
+                commands.entity(entity).try_insert(Edges(edges));
             }
             // The rig was validated when the body was built, so this is not reached; if it were, the body does without.
             Err(error) => {

@@ -6,7 +6,7 @@ use polpo_solver::quat_log;
 use serde::{Deserialize, Serialize};
 
 use crate::particles::Awake;
-use crate::{Particles, SubstepTime};
+use crate::{Gravity, GravityScale, Particles, SubstepTime};
 
 /// Holds particles of the body in place: nails, hinges, a hand, a bone. Change the list at any time; what is no longer in it is free again. A body without pins pays nothing.
 ///
@@ -30,7 +30,7 @@ pub struct Pin {
     pub position: bool,
     /// Whether its orientation is held; default false. A rod that is clamped at its end needs both.
     pub rotation: bool,
-    /// The pull at which it gives way \[N\], averaged over a step; default infinity, which never does. Then the pin is taken off the list and [`PinBroken`] is triggered. NaN never gives way.
+    /// The pull at which it gives way \[N\], the particle's own weight and inertia included, averaged over a step; default infinity, which never does. Then the pin is taken off the list and [`PinBroken`] is triggered. NaN never gives way.
     pub break_force: f32,
 }
 
@@ -81,7 +81,7 @@ pub struct PinBroken {
     pub force: f32,
 }
 
-/// What the pins of a body did.
+/// What the pins of a body did. There while [`Pins`] is.
 #[derive(Component, Debug, Clone, Default)]
 pub struct PinState {
     /// Which particles are pinned, so that they can be freed.
@@ -121,7 +121,12 @@ pub(crate) fn hold_pins(
             particles.pin(i, pin.position, pin.rotation);
             state.held.push(pin.particle);
             if pin.position {
-                particles.velocity[i] = Vec3A::from(place - here) / dt;
+                let velocity = Vec3A::from(place - here) / dt;
+                // Of several pins for one particle each sees what is left of the change: together they take it once.
+                if let Some(impulse) = state.impulse.get_mut(i) {
+                    *impulse += (particles.velocity[i] - velocity) * particles.mass[i];
+                }
+                particles.velocity[i] = velocity;
             }
             if pin.rotation {
                 particles.angular_velocity[i] = quat_log(rotation * particles.rotation[i].inverse()) / dt;
@@ -145,10 +150,11 @@ pub(crate) fn target_of(pin: &Pin, particles: &Particles, origin: &Transform, pl
 }
 
 /// A body that loses its pins is free.
-pub(crate) fn release_pins(remove: On<Remove, Pins>, mut bodies: Query<(&mut Particles, &mut PinState)>) {
+pub(crate) fn release_pins(remove: On<Remove, Pins>, mut commands: Commands, mut bodies: Query<(&mut Particles, &mut PinState)>) {
     if let Ok((mut particles, mut state)) = bodies.get_mut(remove.entity) {
         release(&mut particles, &mut state.held);
         particles.reaction.clear();
+        commands.entity(remove.entity).try_remove::<PinState>();
     }
 }
 
@@ -160,12 +166,25 @@ fn release(particles: &mut polpo_solver::Particles, held: &mut Vec<u32>) {
     }
 }
 
-/// In phase `Integrate`: sums up what the pins gave.
-pub(crate) fn sum_reactions(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut PinState), Awake>) {
-    for (mut particles, mut state) in &mut bodies {
+/// In phase `Integrate`: sums up what the pins gave: what constraints pulled at them, and the weight of the particles that they hold, which no constraint carries.
+pub(crate) fn sum_reactions(
+    time: Res<SubstepTime>,
+    gravity: Res<Gravity>,
+    mut bodies: Query<(&mut Particles, &mut PinState, Option<&GravityScale>), Awake>,
+) {
+    for (mut particles, mut state, scale) in &mut bodies {
         state.time += time.delta;
-        for (sum, reaction) in state.impulse.iter_mut().zip(&mut particles.reaction) {
+        let PinState { impulse, .. } = &mut *state;
+        if impulse.is_empty() {
+            continue;
+        }
+        let fall = Vec3A::from(gravity.0) * (scale.map_or(1.0, |s| s.0) * time.delta);
+        let polpo_solver::Particles { reaction, mass, inverse_mass, .. } = &mut particles.0;
+        for (((sum, reaction), &m), &w) in impulse.iter_mut().zip(reaction).zip(&*mass).zip(&*inverse_mass) {
             *sum += core::mem::take(reaction);
+            if w == 0.0 {
+                *sum += fall * m;
+            }
         }
     }
 }

@@ -111,7 +111,7 @@ pub(crate) fn pose_bodies(
             }
             Some(mut posed) => posed.from = from,
             None => {
-                commands.entity(entity).insert(Posed { pose: fresh, from });
+                commands.entity(entity).try_insert(Posed { pose: fresh, from });
             }
         }
     }

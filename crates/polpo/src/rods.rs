@@ -122,7 +122,7 @@ pub(crate) fn build_rods(
         commands.entity(entity).remove::<(Edges, ImplicitGroups)>();
         match calibrate(&body.rig, &mut particles, &rods) {
             Ok(edges) => {
-                commands.entity(entity).insert(edges);
+                commands.entity(entity).try_insert(edges);
             }
             Err(error) => {
                 commands.entity(entity).remove::<CalibratedEdges>();
@@ -147,7 +147,9 @@ fn calibrate(rig: &Rig, particles: &mut Particles, rods: &Rods) -> Result<Calibr
     };
     let mut seam = vec![false; particles.len()];
     for &i in beside.iter().flatten() {
-        seam[i as usize] = true;
+        if let Some(seam) = seam.get_mut(i as usize) {
+            *seam = true;
+        }
     }
     let edges = polpo_solver::Edges::new(particles, &pairs)?;
     let before: Vec<[f32; 2]> = particles.mass.iter().zip(&particles.inertia).map(|(m, i)| [*m, *i]).collect();

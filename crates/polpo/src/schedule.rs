@@ -60,7 +60,7 @@ pub enum PolpoSystems {
     SolveConstraints,
     /// In [`SubstepSchedule`]: particles leave each other, then the colliders, with friction.
     SolveContacts,
-    /// In [`SubstepSchedule`]: velocities from positions, damping.
+    /// In [`SubstepSchedule`]: drag and damping; what flows plastically flows.
     Integrate,
     /// `Transform` follows the centre of mass; bodies that are no longer finite are frozen, those that have come to rest fall asleep.
     Writeback,
@@ -122,6 +122,7 @@ impl Plugin for PolpoPlugin {
             .init_resource::<crate::Gravity>()
             .init_resource::<crate::Wind>()
             .add_observer(bodies::build_body)
+            .add_observer(collision::forget_planes)
             .add_observer(pins::release_pins)
             .configure_sets(
                 self.schedule,

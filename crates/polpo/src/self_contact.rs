@@ -5,7 +5,7 @@ use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPa
 
 use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
-use crate::{Contacts, Gravity, Particles, SoftBody, SubstepTime};
+use crate::{Contacts, Frozen, Gravity, Particles, SoftBody, SubstepTime};
 
 /// The particles of the body do not pass through each other: arms lie on arms, a sheet folds onto itself. Not there unless you add it.
 ///
@@ -47,13 +47,13 @@ impl SelfPairs {
 /// In phase `Prepare`: bodies with [`SelfContact`] learn which pairs are none, bodies without forget it.
 pub(crate) fn build_self_pairs(
     mut commands: Commands,
-    lacking: Query<(Entity, &SoftBody, &Particles), (With<SelfContact>, Without<SelfPairs>)>,
+    lacking: Query<(Entity, &SoftBody, &Particles), (With<SelfContact>, Without<SelfPairs>, Without<Frozen>)>,
     idle: Query<Entity, (With<SelfPairs>, Without<SelfContact>)>,
 ) {
     for (entity, body, particles) in &lacking {
         match RestPairs::new(particles, &body.rig.edges) {
             Ok(resting) => {
-                commands.entity(entity).insert(SelfPairs { resting, ..default() });
+                commands.entity(entity).try_insert(SelfPairs { resting, ..default() });
             }
             Err(error) => reject::<SelfContact>(&mut commands, entity, "SelfContact", error),
         }

@@ -50,7 +50,7 @@ pub(crate) fn build_groups(
         match polpo_solver::Edges::new(particles, &pairs) {
             Ok(edges) => {
                 let explicit = explicit.map_or(&none, |e| &e.0);
-                commands.entity(entity).insert(ImplicitGroups(polpo_solver::ImplicitGroups::beside(particles, &edges, explicit)));
+                commands.entity(entity).try_insert(ImplicitGroups(polpo_solver::ImplicitGroups::beside(particles, &edges, explicit)));
             }
             // The rig was validated when the body was built, so this is not reached; if it were, the body does without.
             Err(error) => {

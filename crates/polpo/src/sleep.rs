@@ -179,13 +179,17 @@ fn pulled(watched: &WatchedItem, places: &TransformHelper) -> bool {
 
 /// In phase `DetectContacts`, after the pairs of bodies are found: a body that moves wakes the sleeping ones that it may touch in this step, so that a pile wakes as it
 /// slept, together: one that has just woken counts as moving, and wakes those it touches in the next step.
-pub(crate) fn wake_touched(mut commands: Commands, pairs: Res<BodyPairs>, bodies: Query<(Option<&Stillness>, Has<Sleeping>, Has<Frozen>)>) {
+pub(crate) fn wake_touched(
+    mut commands: Commands,
+    pairs: Res<BodyPairs>,
+    bodies: Query<(Option<(&Stillness, &Sleep)>, Has<Sleeping>, Has<Frozen>)>,
+) {
     for pair in pairs.iter().filter(|pair| !pair.pairs().is_empty()) {
         let [first, second] = pair.bodies();
         for (sleeper, other) in [(first, second), (second, first)] {
-            // A body without stillness never sleeps; it counts as one that moves.
+            // A body that never sleeps counts as one that moves: nobody counts its stillness.
             let moves =
-                bodies.get(other).is_ok_and(|(still, asleep, frozen)| !asleep && !frozen && still.is_none_or(|still| still.0 <= 0.0));
+                bodies.get(other).is_ok_and(|(still, asleep, frozen)| !asleep && !frozen && still.is_none_or(|(still, _)| still.0 <= 0.0));
             if let (true, Ok((_, true, _))) = (moves, bodies.get(sleeper)) {
                 commands.entity(sleeper).remove::<Sleeping>();
             }
@@ -244,7 +248,7 @@ pub(crate) fn fall_asleep(
         start.position.clone_from(&particles.position);
         start.rotation.clone_from(&particles.rotation);
         let world = Conditions::of(&gravity, &wind, &settings, drag);
-        commands.entity(entity).insert(Sleeping { since: Some(ticks.this_run()), world: Some(world) });
+        commands.entity(entity).try_insert(Sleeping { since: Some(ticks.this_run()), world: Some(world) });
     }
 }
 

@@ -67,6 +67,9 @@ const FLUSH: f32 = 0.02;
 /// A centre deeper under a height field than this many largest radii is taken to be meant to be there.
 const GROUND: f32 = 4.0;
 
+/// Room for a particle's planes from the start: more than it has among a few colliders. Among many parts of a mesh the list grows.
+const ROOM: usize = 32;
+
 impl ContactDetector {
     /// Fills `contacts` for the step, and brings `free` up to date.
     ///
@@ -81,6 +84,8 @@ impl ContactDetector {
     ) {
         contacts.list.clear();
         self.sources.clear();
+        self.candidates.clear();
+        self.candidates.reserve(ROOM);
         let p = body.particles;
         if free.position.len() != p.len() {
             free.position.clear();

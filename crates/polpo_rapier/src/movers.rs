@@ -16,9 +16,9 @@ pub(crate) struct Reaction {
     pub(crate) angular: Vector,
 }
 
-/// `handle` as a mover, if soft bodies can push it: a dynamic body that is enabled and no link of a multibody, which Rapier moves by its joints' coordinates.
+/// `handle` as a mover, if soft bodies can push it: a dynamic body that is enabled.
 ///
-/// Gravity and the forces that the game applies accelerate it, as Rapier will have it. One that hangs on joints is accelerated as it was in the last step, the joints' forces included; if it sleeps, not at all.
+/// Gravity and the forces that the game applies accelerate it, as Rapier will have it. One that hangs on joints, a multibody's or others, is accelerated as it was in the last step, the joints' forces included; if it sleeps, not at all.
 pub(crate) fn mover_of(world: &RapierWorld, handle: RigidBodyHandle, gravity: Vector, reactions: &[Reaction]) -> Option<RigidMover> {
     let body = world.bodies.get(handle)?;
     if !is_pushable(world, handle) {
@@ -30,7 +30,7 @@ pub(crate) fn mover_of(world: &RapierWorld, handle: RigidBodyHandle, gravity: Ve
         inverse_inertia: inverse_inertia(body).into(),
         velocity: body.linvel().into(),
         angular_velocity: body.angvel().into(),
-        anchored: world.impulse_joints.attached_enabled_joints(handle).next().is_some(),
+        anchored: hangs_on_joints(world, handle),
         ..RigidMover::default()
     };
     if !mover.anchored {
@@ -54,7 +54,10 @@ pub(crate) fn mover_of(world: &RapierWorld, handle: RigidBodyHandle, gravity: Ve
 /// Whether soft bodies can push it at all.
 pub(crate) fn is_pushable(world: &RapierWorld, handle: RigidBodyHandle) -> bool {
     world.bodies.get(handle).is_some_and(|body| body.is_dynamic() && body.is_enabled())
-        && world.multibody_joints.rigid_body_link(handle).is_none()
+}
+
+fn hangs_on_joints(world: &RapierWorld, handle: RigidBodyHandle) -> bool {
+    world.impulse_joints.attached_enabled_joints(handle).next().is_some() || world.multibody_joints.rigid_body_link(handle).is_some()
 }
 
 fn inverse_inertia(body: &RigidBody) -> Mat3 {

@@ -44,13 +44,16 @@ pub(crate) struct Obstacle {
     pub(crate) local_bounds: Aabb,
     /// In the world, over the whole step.
     bounds: Aabb,
-    /// Of the collider's origin over this step and over the last one, as its way divided by the time; and at this moment, which is not the same for one that goes in circles \[m/s\].
+    /// Of the collider's origin over this step, as its way divided by the time; and at this moment, which is not the same for one that goes in circles \[m/s\].
     velocity: Vector,
-    last_velocity: Vector,
     velocity_now: Vector,
     /// \[rad/s\]
     pub(crate) angular_velocity: Vector,
-    last_angular_velocity: Vector,
+    /// Length of this step \[s\].
+    dt: f32,
+    /// How far it went in the last step \[m\], and turned \[rad\]; that step may have been of another length.
+    last_way: Vector,
+    last_turn: Vector,
     friction: f32,
     rule: CoefficientCombineRule,
     layers: [InteractionGroups; 2],
@@ -113,8 +116,8 @@ impl Obstacles {
             }
             match self.before.get(before).filter(|old| old.slot() == obstacle.slot()) {
                 Some(old) if old.handle == handle => {
-                    obstacle.last_velocity = old.velocity;
-                    obstacle.last_angular_velocity = old.angular_velocity;
+                    obstacle.last_way = old.velocity * old.dt;
+                    obstacle.last_turn = old.angular_velocity * old.dt;
                     if obstacle.moves() || !obstacle.is_like(old) {
                         self.stirred.extend([old.stirred(), obstacle.stirred()]);
                     }
@@ -194,7 +197,7 @@ impl Obstacle {
         let (velocity_now, angular_velocity, velocity) =
             parent.map_or((Vector::ZERO, Vector::ZERO, Vector::ZERO), |body| motion(body, offset, dt));
         let mut bounds = world_bounds(&local_bounds, anchor + offset, rotation);
-        let end = world_bounds(&local_bounds, anchor + offset + velocity * dt, turned(rotation, angular_velocity, dt));
+        let end = world_bounds(&local_bounds, anchor + offset + velocity * dt, turned(rotation, angular_velocity * dt));
         bounds.mins = bounds.mins.min(end.mins);
         bounds.maxs = bounds.maxs.max(end.maxs);
         Some(Self {
@@ -206,10 +209,11 @@ impl Obstacle {
             local_bounds,
             bounds,
             velocity,
-            last_velocity: velocity,
             velocity_now,
             angular_velocity,
-            last_angular_velocity: angular_velocity,
+            dt,
+            last_way: velocity * dt,
+            last_turn: angular_velocity * dt,
             friction: collider.friction(),
             rule: collider.friction_combine_rule(),
             layers: [collider.collision_groups(), collider.solver_groups()],
@@ -242,11 +246,8 @@ impl Obstacle {
     /// The difference of two places far out is exact; only then is it rotated and added to.
     pub(crate) fn frames(&self, origin: Vector, dt: f32) -> [Frame; 3] {
         let now = Frame { translation: (self.anchor - origin) + self.offset, rotation: self.rotation };
-        let moved = |velocity: Vector, angular: Vector, dt: f32| Frame {
-            translation: now.translation + velocity * dt,
-            rotation: turned(now.rotation, angular, dt),
-        };
-        [now, moved(self.velocity, self.angular_velocity, dt), moved(self.last_velocity, self.last_angular_velocity, -dt)]
+        let moved = |way: Vector, turn: Vector| Frame { translation: now.translation + way, rotation: turned(now.rotation, turn) };
+        [now, moved(self.velocity * dt, self.angular_velocity * dt), moved(-self.last_way, -self.last_turn)]
     }
 
     /// The velocity over the step of `dt` of the plane with normal `n` at `at` \[m/s\]. `at` and `frame`, where the obstacle is now, are relative to a body's origin.
@@ -320,8 +321,8 @@ fn motion(body: &RigidBody, offset: Vector, dt: f32) -> (Vector, Vector, Vector)
     if motion.0.is_finite() && motion.1.is_finite() && motion.2.is_finite() { motion } else { rest }
 }
 
-fn turned(rotation: Rotation, angular_velocity: Vector, dt: f32) -> Rotation {
-    if angular_velocity == Vector::ZERO { rotation } else { (quat_exp((angular_velocity * dt).into()) * rotation).normalize() }
+fn turned(rotation: Rotation, turn: Vector) -> Rotation {
+    if turn == Vector::ZERO { rotation } else { (quat_exp(turn.into()) * rotation).normalize() }
 }
 
 /// The box around a turned box.

@@ -74,7 +74,7 @@ impl Plugin for PolpoRapierPlugin {
     }
 }
 
-fn gather_obstacles(time: Res<Time>, world: Res<RapierWorld>, mut surroundings: ResMut<Surroundings>, bodies: Query<(), With<Contacts>>) {
+fn gather_obstacles(time: Res<Time>, world: Res<RapierWorld>, mut surroundings: ResMut<Surroundings>, bodies: Query<(), With<Collision>>) {
     if !bodies.is_empty() {
         surroundings.0.gather(&world.bodies, &world.colliders, time.delta_secs());
     }

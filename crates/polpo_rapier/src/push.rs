@@ -1,8 +1,9 @@
 //! Soft bodies that push rigid ones.
 
+use bevy::ecs::query::QueryData;
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo::{Awake, Collision, Contacts, Gravity, Particles, PinTarget, Pins, SubstepTime};
+use polpo::{Awake, Collision, Contacts, Edges, ExplicitState, Gravity, ImplicitGroups, Particles, PinTarget, Pins, SubstepTime};
 use polpo_solver::{Movers, PushContact, RigidMover, Tie, begin_pushes, solve_pushes as sweep_pushes, solve_ties, undo_overlaps};
 use rapier3d::dynamics::RigidBodyHandle;
 
@@ -15,7 +16,7 @@ use crate::{RapierWorld, RigidBodyFollower};
 /// Within the soft bodies' substeps the rigid body is a proxy that takes each impulse at once; the sum is handed to Rapier before its step, and wakes the body. Locked axes stay locked. A particle that is jammed between a
 /// rigid body and the ground carries it as the ground would, whatever their masses.
 ///
-/// What goes wrong: a body on joints gives way in the substeps as if it had none, and Rapier's step puts it right; links of a multibody are not pushed; a light rigid body under a heavy soft one is pressed into what it
+/// What goes wrong: a body on joints gives way in the substeps as if it had none, and Rapier's step puts it right; a light rigid body under a heavy soft one is pressed into what it
 /// stands on for the length of a step. Rapier puts a body to sleep by its speed, this wakes it as long as a soft body that is awake touches it.
 #[derive(Component, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[require(PushState, Contacts)]
@@ -169,11 +170,36 @@ pub(crate) fn gather_movers(
     }
 }
 
+type Groups = (&'static mut ExplicitState, Option<&'static mut ImplicitGroups>, Option<&'static mut Edges>);
+
+/// A blow from what gives way opens groups as one from the ground does.
+fn strike(
+    contacts: &[PushContact],
+    movers: &Movers,
+    particles: &Particles,
+    dt: f32,
+    (mut groups, implicit, edges): <Groups as QueryData>::Item<'_, '_>,
+) {
+    let revision = groups.revision();
+    for contact in contacts {
+        groups.strike(contact.particle, contact.closing_speed(movers, particles, dt));
+    }
+    if groups.revision() != revision {
+        if let Some(mut implicit) = implicit {
+            implicit.rest_where_held(&groups);
+        }
+        if let Some(mut edges) = edges {
+            edges.rest_where_held(&groups);
+        }
+    }
+}
+
 /// In every substep, after contacts with what does not give way.
 pub(crate) fn solve_pushes(
     time: Res<SubstepTime>,
     mut pushing: ResMut<Pushing>,
-    mut bodies: Query<(&mut Particles, &Contacts, &Collision, &mut PushState), (With<PushRigidBodies>, Awake)>,
+    mut bodies: Query<(Entity, &mut Particles, &Contacts, &Collision, &mut PushState), (With<PushRigidBodies>, Awake)>,
+    mut groups: Query<Groups>,
 ) {
     /// Sweeps over all contacts. A box on dozens of jammed particles has settled by then to 1e-5 of its speed.
     const SWEEPS: usize = 8;
@@ -183,21 +209,24 @@ pub(crate) fn solve_pushes(
     }
     let dt = time.delta;
     movers.begin(dt);
-    for (particles, _, _, mut state) in &mut bodies {
+    for (entity, particles, _, _, mut state) in &mut bodies {
+        if let Ok(groups) = groups.get_mut(entity) {
+            strike(&state.contacts, movers, &particles, dt, groups);
+        }
         begin_pushes(&mut state.contacts, movers, &particles, dt);
         for tie in &mut state.ties {
             tie.impulse = Vec3A::ZERO;
         }
     }
     for _ in 0..SWEEPS {
-        for (mut particles, contacts, _, mut state) in &mut bodies {
+        for (_, mut particles, contacts, _, mut state) in &mut bodies {
             solve_ties(&mut state.ties, movers, &mut particles, dt);
             sweep_pushes(&mut state.contacts, movers, &contacts.list, &mut particles, dt);
         }
         movers.stand(dt);
     }
-    for (mut particles, contacts, collision, mut state) in &mut bodies {
-        undo_overlaps(&mut state.contacts, movers, &contacts.list, &mut particles, dt, collision.push_speed);
+    for (_, mut particles, contacts, collision, mut state) in &mut bodies {
+        undo_overlaps(&mut state.contacts, movers, &contacts.list, &mut particles, dt, collision.push_speed.max(0.0));
         for tie in &state.ties {
             if let Some(reaction) = particles.reaction.get_mut(tie.particle as usize) {
                 *reaction += tie.impulse;

@@ -38,6 +38,9 @@ pub(crate) fn list_touched(
         touched.list.clear();
         for (contact, &source) in contacts.list.iter().zip(&detector.0.sources) {
             let i = contact.particle as usize;
+            if i >= particles.len() {
+                continue;
+            }
             let Some(obstacle) = surroundings.0.list.get(source as usize) else { continue };
             let n = contact.normal;
             let gap = n.dot(particles.position[i] - contact.point) - particles.ellipsoid(i).support(-n).0;

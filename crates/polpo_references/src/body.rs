@@ -7,11 +7,28 @@ use polpo_solver::{
     predict, predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_contacts, solve_distances, solve_torsion,
 };
 
+use crate::jacobi::Jacobi;
+
 /// Gravity's acceleration, to the bits that the kernels get \[m/s²\].
 pub(crate) const G: f64 = 9.81f32 as f64;
 
 /// A particle that is all but a point.
 pub(crate) const POINT: f32 = 1e-3;
+
+/// How shape matching goes over the groups.
+#[derive(Clone, Debug)]
+pub(crate) enum Matching {
+    /// One after the other, each from the result of those before: the plugin's way.
+    GaussSeidel(Turning),
+    /// All from the same state.
+    Jacobi(Jacobi),
+}
+
+impl Default for Matching {
+    fn default() -> Self {
+        Self::GaussSeidel(Turning::default())
+    }
+}
 
 /// A body and what acts on it. Capabilities that are `None` or zero do nothing.
 pub(crate) struct Body {
@@ -25,7 +42,7 @@ pub(crate) struct Body {
     /// Of all groups, or of those of the particles listed.
     pub(crate) shape: Stiffness,
     pub(crate) only_groups_of: Option<Vec<u32>>,
-    pub(crate) turning: Turning,
+    pub(crate) matching: Matching,
     pub(crate) tension: Stiffness,
     pub(crate) compression: Stiffness,
     pub(crate) torsion: Stiffness,
@@ -55,7 +72,7 @@ impl Body {
             groups: ImplicitGroups::default(),
             shape: Stiffness::OFF,
             only_groups_of: None,
-            turning: Turning::default(),
+            matching: Matching::default(),
             tension: Stiffness::OFF,
             compression: Stiffness::OFF,
             torsion: Stiffness::OFF,
@@ -174,7 +191,10 @@ impl Body {
                 Shares::Each(&self.shares)
             }
         };
-        match_shapes(&mut self.groups, &mut self.particles, shape, self.turning, sweep);
+        match &mut self.matching {
+            Matching::GaussSeidel(turning) => match_shapes(&mut self.groups, &mut self.particles, shape, *turning, sweep),
+            Matching::Jacobi(jacobi) => jacobi.match_shapes(&mut self.groups, &mut self.particles, shape, sweep),
+        }
         solve_distances(&mut self.edges, &mut self.particles, share(self.tension), share(self.compression), sweep);
         solve_torsion(&mut self.edges, &mut self.particles, share(self.torsion), sweep);
         if let (Some(rods), 0) = (&self.rods, sweep.index) {

@@ -143,6 +143,9 @@ fn catenaries() -> Vec<Reference> {
 }
 
 /// How much longer a chain of eight links of 1/8 m with a thousandfold mass at its end hangs than it was made, relative.
+///
+/// The method's page has 1.08 for 5 iterations at 60 Hz and 0.067 for 10 substeps of one, its set-up not told. Plain position-based dynamics gives 3.68 and 0.19 here at rest, and a ratio of 19 instead of 16 whatever the length: no chain of 7 to 9 links of 0.05 to 1 m, hung up or let go level,
+/// swept from the top, the bottom or by colours, at six dampings, read as the whole's or the worst link's stretch at one time, at most or on average, gave both numbers.
 fn stretch(rate: f64, substeps: u32, links: Links) -> f64 {
     let mut body = Body::row(9, 1.0, -Vec3A::Y, POINT);
     body.particles.set_mass(8, 1000.0);

@@ -14,6 +14,7 @@ mod convergence;
 mod drift;
 mod free_fall;
 mod friction;
+mod jacobi;
 mod measure;
 mod orientation;
 mod pendulum;

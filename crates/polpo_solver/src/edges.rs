@@ -56,6 +56,8 @@ pub struct Edges {
     pub(crate) rest_turn: Vec<Quat>,
     /// Whether each edge rests because a rigid group holds both its ends; empty if none ever does.
     pub(crate) held: Vec<bool>,
+    /// Scratch: per particle, the last rigid group seen that has it.
+    pub(crate) holder: Vec<u32>,
     /// Where each colour starts in `pairs`, and the end of the last.
     pub colors: Vec<u32>,
 }
@@ -107,12 +109,14 @@ impl Edges {
             return;
         }
         self.held.resize(self.pairs.len(), false);
-        let mut last = vec![u32::MAX; explicit.shape.moment.len()];
+        let Self { held, holder: last, pairs, .. } = self;
+        last.clear();
+        last.resize(explicit.shape.moment.len(), u32::MAX);
         for g in (0..explicit.len()).filter(|&g| explicit.bodies[g].acting) {
             for &i in explicit.members(g) {
                 last[i as usize] = g as u32;
             }
-            for (held, pair) in self.held.iter_mut().zip(&self.pairs) {
+            for (held, pair) in held.iter_mut().zip(&*pairs) {
                 *held |= pair.iter().all(|&i| last.get(i as usize) == Some(&(g as u32)));
             }
         }

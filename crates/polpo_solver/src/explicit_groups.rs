@@ -124,6 +124,8 @@ pub struct ExplicitGroups {
     pub(crate) landings: Vec<Landing>,
     /// Scratch: the groups that motors turn, and the angular impulses on them \[N·m·s\].
     pub(crate) driven: Vec<(u32, DVec3)>,
+    /// Scratch: how many rigid groups each particle is in.
+    pub(crate) sharers: Vec<u32>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -185,7 +187,9 @@ impl ExplicitGroups {
             this.shape.rest[start..start + made.len()].copy_from_slice(&made);
             this.bodies[g].start_from(this.shape.rotation[g]);
         }
-        this.shape.ways = vec![Vec3A::ZERO; groups.iter().map(|g| g.members.len()).max().unwrap_or(0)];
+        let largest = groups.iter().map(|g| g.members.len()).max().unwrap_or(0);
+        this.shape.ways = vec![Vec3A::ZERO; largest];
+        this.landings.reserve(largest);
         this.shape.unoriented = this.membership.iter().map(|m| m.groups > 1).collect();
         this.shape.moment =
             (0..n).map(|i| if this.shape.unoriented[i] { glam::Mat3A::ZERO } else { second_moment(particles, i) }).collect();

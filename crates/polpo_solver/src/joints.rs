@@ -37,6 +37,10 @@ pub(crate) struct Joints {
     saved: Vec<[DVec3; 2]>,
     /// Per joint, the projection on the directions it asks for.
     asked: Vec<DMat3>,
+    /// Scratch of `build`: what might be a joint, with its place; per particle, the first group that has it; the joints as they were.
+    candidates: Vec<(Joint, Vec3A)>,
+    first: Vec<Option<[u32; 2]>>,
+    before: Vec<Joint>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,10 +83,13 @@ const OLD_GAP: f64 = 1e-4;
 impl Joints {
     /// The joints of the groups that act: between each shared particle's first group and the others, and to the world where members are pinned.
     ///
-    /// Of more than three particles in the same two groups, or pinned in one group, the three that span most are taken: the rest is held by them.
+    /// Of more than three particles in the same two groups, or pinned in one group, the three that span most are taken: the rest is held by them. Where the joints are those that were there, which they are
+    /// when a group without joints opens or closes, nothing is allocated.
     pub(crate) fn build(&mut self, bodies: &[RigidBody], shape: &ImplicitGroups, pinned: impl Fn(usize) -> [bool; 2]) {
-        let mut candidates: Vec<(Joint, Vec3A)> = Vec::new();
-        let mut first: Vec<Option<[u32; 2]>> = vec![None; shape.moment.len()];
+        let Self { candidates, first, .. } = self;
+        candidates.clear();
+        first.clear();
+        first.resize(shape.moment.len(), None);
         for g in (0..bodies.len()).filter(|&g| bodies[g].acting) {
             let mut turned = false;
             for k in shape.rows[g]..shape.rows[g + 1] {
@@ -106,21 +113,26 @@ impl Joints {
                 }
             }
         }
-        candidates.sort_by_key(|(j, _)| (j.groups, j.kind as u8));
+        // No two are alike in all three.
+        candidates.sort_unstable_by_key(|(j, _)| (j.groups, j.kind as u8, j.entries[1]));
+        core::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
-        for same in candidates.chunk_by(|a, b| (a.0.groups, a.0.kind) == (b.0.groups, b.0.kind)) {
-            let mut chosen = widest(same);
+        for same in self.candidates.chunk_by(|a, b| (a.0.groups, a.0.kind) == (b.0.groups, b.0.kind)) {
+            let (chosen, mut count) = widest(same);
             let turned = self.list.last().is_some_and(|j| j.kind == Kind::Turned && j.groups == same[0].0.groups);
             if turned {
-                chosen.truncate(1);
+                count = 1;
             }
-            for (n, &k) in chosen.iter().enumerate() {
+            for (n, &k) in chosen[..count].iter().enumerate() {
                 let mut joint = same[k].0;
                 for (held, &other) in joint.holding.iter_mut().zip(&chosen[..n]) {
                     *held = same[other].0.entries[0];
                 }
                 self.list.push(joint);
             }
+        }
+        if self.list == self.before && self.mobility.len() == bodies.len() {
+            return;
         }
 
         self.common.clear();
@@ -417,8 +429,8 @@ fn skew(r: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, r.z, -r.y), DVec3::new(-r.z, 0.0, r.x), DVec3::new(r.y, -r.x, 0.0))
 }
 
-/// Of points: the first, the farthest from it, and the farthest from the line through both, if it is not on that line.
-fn widest(points: &[(Joint, Vec3A)]) -> Vec<usize> {
+/// Of points: the first, the farthest from it, and the farthest from the line through both, if it is not on that line. With how many that are.
+fn widest(points: &[(Joint, Vec3A)]) -> ([usize; 3], usize) {
     let farthest = |distance: &dyn Fn(Vec3A) -> f32| {
         (0..points.len()).fold(0, |best, k| if distance(points[k].1) > distance(points[best].1) { k } else { best })
     };
@@ -427,12 +439,12 @@ fn widest(points: &[(Joint, Vec3A)]) -> Vec<usize> {
     let along = (points[second].1 - a).normalize_or_zero();
     let off_line = |x: Vec3A| (x - a).cross(along).length_squared();
     let third = farthest(&off_line);
-    let mut chosen = vec![0];
-    if second != 0 {
-        chosen.push(second);
-        if off_line(points[third].1) > 1e-6 * points[second].1.distance_squared(a) {
-            chosen.push(third);
-        }
-    }
-    chosen
+    let count = if second == 0 {
+        1
+    } else if off_line(points[third].1) > 1e-6 * points[second].1.distance_squared(a) {
+        3
+    } else {
+        2
+    };
+    ([0, second, third], count)
 }

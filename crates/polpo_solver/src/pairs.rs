@@ -105,6 +105,8 @@ const NEARLY: f32 = 0.1;
 const SLACK: f32 = 0.25;
 /// At most this many pairs a particle, on average, are kept: the rest of a body that has collapsed into a point must not fill the memory.
 const MOST: usize = 64;
+/// Room from the start for this many pairs of a body with itself a particle.
+const ROOM: usize = 2;
 /// An overlap deeper than this share of the pair's thickness, at first sight, was not made by motion.
 const SUDDEN: f32 = 0.1;
 /// Overlaps not deeper than this share of the thickness are skin on skin again.
@@ -197,6 +199,10 @@ impl PairFinder {
     pub fn find_within(&mut self, p: &Particles, resting: &RestPairs, search: &PairSearch, pairs: &mut Pairs) {
         let frame = mean_velocity(p);
         self.begin();
+        // Room from the start for what a body that lies on itself has; in a knot the lists grow.
+        self.keys.reserve(ROOM * p.len());
+        pairs.list.reserve((ROOM * p.len()).saturating_sub(pairs.list.len()));
+        pairs.before.reserve((ROOM * p.len()).saturating_sub(pairs.before.len()));
         for i in 0..p.len() {
             self.add(i as u32, swept(p, i, Vec3A::ZERO, frame, search));
         }

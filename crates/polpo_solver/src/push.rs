@@ -54,6 +54,22 @@ impl PushContact {
         self.state.free + self.state.held
     }
 
+    /// How fast the particle and the surface meet \[m/s\], if they do in this substep of `dt` \[s\]; otherwise 0. To be asked before the contact is solved, while the velocities still tell the blow. 0 too if the
+    /// particle or the mover does not exist.
+    pub fn closing_speed(&self, movers: &Movers, particles: &Particles, dt: f32) -> f32 {
+        let (Some(mover), i) = (movers.list.get(self.mover as usize), self.particle as usize) else { return 0.0 };
+        if i >= particles.len() {
+            return 0.0;
+        }
+        let (point, n) = self.plane(mover, dt);
+        let (h, reach) = particles.ellipsoid(i).support(-n);
+        if n.dot(particles.position[i] - point) >= h {
+            return 0.0;
+        }
+        let own = particles.velocity[i] + particles.angular_velocity[i].cross(reach);
+        (-n.dot(own - mover.velocity - mover.angular_velocity.cross(self.arm))).max(0.0)
+    }
+
     /// The point of the surface and the normal now.
     #[inline]
     fn plane(&self, mover: &RigidMover, dt: f32) -> (Vec3A, Vec3A) {

@@ -122,8 +122,9 @@ impl Edges {
         }
         self.rest_turn.clear();
         if !pose.rotation.is_empty() {
-            self.rest_turn
-                .extend(self.pairs.iter().map(|&[i, j]| (pose.rotation[j as usize].inverse() * pose.rotation[i as usize]).normalize()));
+            // Each on its own first: the product of two very short or very long ones has no length that a float holds.
+            let turn = |i: u32| pose.rotation[i as usize].normalize();
+            self.rest_turn.extend(self.pairs.iter().map(|&[i, j]| (turn(j).inverse() * turn(i)).normalize()));
         }
     }
 }
@@ -288,6 +289,21 @@ mod tests {
         let (ahead, astern, nowhere) = (swim(1000.0, 1.0), swim(1000.0, -1.0), swim(0.0, 1.0));
         println!("fish: {ahead} m in 10 s, backwards {astern} m, without water {nowhere} m");
         assert!(ahead > 0.5 && astern < -0.3 && nowhere.abs() < 1e-4);
+    }
+
+    /// Rotations of any length say the same.
+    #[test]
+    fn a_pose_may_have_quaternions_of_any_length() {
+        let (rest, pairs) = blob();
+        let mut body = Body::new(rest, &pairs);
+        let mut pose = bent(&body.0, 2.0, 1.5);
+        body.pose(&pose);
+        let expected = body.2.rest_turn.clone();
+        for length in [1e-15, 1e15] {
+            pose.rotation.iter_mut().for_each(|q| *q = q.normalize() * length);
+            body.pose(&pose);
+            assert!(body.2.rest_turn.iter().zip(&expected).all(|(a, b)| a.dot(*b) > 0.999_999), "{length}");
+        }
     }
 
     #[test]

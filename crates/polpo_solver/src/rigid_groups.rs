@@ -182,7 +182,7 @@ pub(crate) fn finish(groups: &mut ExplicitGroups, particles: &mut Particles, dt:
     }
 }
 
-/// Finds out which groups are rigid now, who shares which particle, what it weighs and what is pinned; makes the joints anew if any of that has changed. That allocates; a substep that changes nothing does not.
+/// Finds out which groups are rigid now, who shares which particle, what it weighs and what is pinned; makes the joints anew if any of that has changed. Other joints than before allocate; a substep that changes none does not.
 fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
     let mut same = true;
     for g in 0..groups.len() {
@@ -201,7 +201,9 @@ fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
         return;
     }
     groups.revision = groups.revision.wrapping_add(1);
-    let mut sharers = vec![0u32; particles.len()];
+    let mut sharers = core::mem::take(&mut groups.sharers);
+    sharers.clear();
+    sharers.resize(particles.len(), 0);
     for g in (0..groups.len()).filter(|&g| groups.bodies[g].acting) {
         for k in groups.row(g) {
             let i = groups.shape.members[k] as usize;
@@ -219,6 +221,7 @@ fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
         }
         groups.bodies[g].lost_spin = DVec3::ZERO;
     }
+    groups.sharers = sharers;
     groups.joints.build(&groups.bodies, &groups.shape, |k| groups.held[k].pinned);
 }
 

@@ -98,10 +98,12 @@ fn solve(contact: &mut Contact, p: &mut Particles, dt: f32, push_speed: f32) {
     }
 
     // The step above is linear; a small ellipsoid may have been turned so far that its support is another. What is left of the overlap is taken back without
-    // turning. It may stop the particle but not send it off: it is an error of the step, not an impulse.
+    // turning. It may stop the particle but not send it off: it is an error of the step, not an impulse. Not so what places are rounded by: the next substep's impulse takes that, friction and all. A ball of 0.1 m sinks by
+    // 7e-7 m in 1/3840 s, a hundred times the rounding, and would lose half a percent of its friction.
     let (h, _) = p.ellipsoid(i).support(-n);
+    let rounding = 8.0 * f32::EPSILON * (p.position[i].abs().max_element() + contact.point.abs().max_element() + h);
     let left = allowed + h - n.dot(p.position[i] - contact.point);
-    if left > 0.0 {
+    if left > rounding {
         p.position[i] += n * left;
         let approach = n.dot(contact.velocity - p.velocity[i]);
         p.velocity[i] += n * approach.clamp(0.0, left * rate);

@@ -1,0 +1,174 @@
+//! What each capability adds to the step of an octopus that lies on a floor: one row a capability, beside the body without any and the body as it comes.
+
+use std::time::Instant;
+
+use bevy::prelude::*;
+use bevy::time::TimeUpdateStrategy;
+use criterion::{Criterion, criterion_group, criterion_main};
+use polpo::prelude::*;
+use polpo::{
+    ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, Inflation, Material, Plasticity, RestPose, RodSolve, Rods, Section, Stillness,
+};
+use polpo_rapier::{PushRigidBodies, RapierWorld, TouchedColliders};
+use polpo_rig::Rig;
+use polpo_scenes::{SimulationPlugins, octopus_asset};
+use rapier3d::prelude::ColliderBuilder;
+
+/// How many octopuses share a row's time: with several, what a step costs without any is lost in what they cost.
+const COUNT: usize = 4;
+
+type Change = fn(&mut EntityWorldMut, &Rig);
+
+/// Octopuses on a floor, two metres apart, that do not sleep, changed by `change`, after two seconds.
+fn lying(change: Change) -> App {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, SimulationPlugins)).insert_resource(TimeUpdateStrategy::FixedTimesteps(1)).insert_resource(Time::<
+        Fixed,
+    >::from_hz(
+        60.0
+    ));
+    app.finish();
+    app.world_mut().resource_mut::<RapierWorld>().insert_fixed(ColliderBuilder::cuboid(100.0, 0.5, 100.0));
+    let (_, rig) = octopus_asset();
+    for i in 0..COUNT {
+        let mut body = app.world_mut().spawn((SoftBody::new(rig.clone()), Transform::from_xyz(2.0 * i as f32, 1.1, 0.0)));
+        body.remove::<Sleep>();
+        change(&mut body, &rig);
+    }
+    for _ in 0..120 {
+        app.update();
+    }
+    app
+}
+
+/// The edges of a tree through the rig: loops cost direct rods more, and an octopus is full of them.
+fn tree(rig: &Rig) -> Vec<u32> {
+    let mut reached = vec![false; rig.particles.len()];
+    let mut tree = Vec::new();
+    reached[0] = true;
+    for _ in 0..rig.particles.len() {
+        for (e, &[i, j]) in (0u32..).zip(&rig.edges) {
+            let (i, j) = (i as usize, j as usize);
+            if reached[i] != reached[j] {
+                (reached[i], reached[j]) = (true, true);
+                tree.push(e);
+            }
+        }
+    }
+    tree
+}
+
+fn rods(rig: &Rig, solve: RodSolve) -> Rods {
+    let material = Material { youngs_modulus: 1e6, poissons_ratio: 0.4, density: 1000.0 };
+    Rods { edges: Some(tree(rig)), solve, ..Rods::new(material, Section::circle(0.02)) }
+}
+
+fn bare(body: &mut EntityWorldMut, _: &Rig) {
+    body.remove::<(ShapeMatching, DistanceConstraints, Torsion, Damping, KeepMomentum, BodyContact, Stillness)>().remove::<(
+        Collision,
+        Contacts,
+        ContactMemory,
+    )>();
+}
+
+/// The row's name, and what is done to the body. The first rows change a body without anything, which falls; those after `default` the body as it comes.
+const ROWS: [(&str, Change); 23] = [
+    ("bare", bare),
+    ("bare + shape_matching", |body, rig| {
+        bare(body, rig);
+        body.insert(ShapeMatching::default());
+    }),
+    ("bare + distance", |body, rig| {
+        bare(body, rig);
+        body.insert(DistanceConstraints::default());
+    }),
+    ("bare + torsion", |body, rig| {
+        bare(body, rig);
+        body.insert(Torsion::default());
+    }),
+    ("bare + damping", |body, rig| {
+        bare(body, rig);
+        body.insert(Damping::default());
+    }),
+    ("bare + keep_momentum", |body, rig| {
+        bare(body, rig);
+        body.insert(KeepMomentum::default());
+    }),
+    ("bare + body_contact", |body, rig| {
+        bare(body, rig);
+        body.insert(BodyContact::default());
+    }),
+    ("default", |_, _| {}),
+    ("default - collision", |body, _| {
+        body.remove::<(Collision, Contacts, ContactMemory)>();
+    }),
+    ("default + sleep", |body, _| {
+        // Counts stillness, and never has enough of it.
+        body.insert(Sleep { time: f32::INFINITY, ..default() });
+    }),
+    ("default + self_contact", |body, _| {
+        body.insert(SelfContact::default());
+    }),
+    ("default + explicit_groups", |body, rig| {
+        let mut near: Vec<u32> = (0..rig.particles.len() as u32).collect();
+        let distance = |i: u32| rig.particles[i as usize].position.distance_squared(rig.particles[0].position);
+        near.sort_by(|&a, &b| distance(a).total_cmp(&distance(b)));
+        body.insert(ExplicitGroups { list: vec![ExplicitGroup::rigid(&near[..20]), ExplicitGroup::rigid(&near[19..40])] });
+    }),
+    ("default + rods, direct", |body, rig| {
+        body.insert(rods(rig, RodSolve::Direct));
+    }),
+    ("default + rods, swept", |body, rig| {
+        body.insert(rods(rig, RodSolve::Sweep { spin_radius: 0.05 }));
+    }),
+    ("default + plasticity", |body, _| {
+        body.insert(Plasticity::default());
+    }),
+    ("default + rest_pose", |body, _| {
+        body.insert(RestPose::default());
+    }),
+    ("default + inflation", |body, _| {
+        body.insert(Inflation::new(1.05));
+    }),
+    ("default + pins", |body, _| {
+        let place = body.get::<Transform>().map_or(Vec3::ZERO, |at| at.translation);
+        body.insert(Pins { list: vec![Pin::at(0, place).breaking_at(1e9)] });
+    }),
+    ("default + grab", |body, _| {
+        let target = body.get::<Transform>().map_or(Vec3::ZERO, |at| at.translation);
+        body.insert(Grab { particle: 0, target, stiffness: Stiffness::hertz(20.0) });
+    }),
+    ("default + air_drag", |body, _| {
+        body.insert(AirDrag::default());
+    }),
+    ("default + gravity_scale", |body, _| {
+        body.insert(GravityScale(0.9));
+    }),
+    ("default + push_rigid_bodies", |body, _| {
+        body.insert(PushRigidBodies);
+    }),
+    ("default + touched_colliders", |body, _| {
+        body.insert(TouchedColliders::default());
+    }),
+];
+
+fn capabilities(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("capabilities");
+    group.sample_size(20);
+    for (name, change) in ROWS {
+        let mut app = lying(change);
+        group.bench_function(name, |bencher| {
+            bencher.iter_custom(|steps| {
+                let started = Instant::now();
+                for _ in 0..steps {
+                    app.update();
+                }
+                started.elapsed() / COUNT as u32
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, capabilities);
+criterion_main!(benches);

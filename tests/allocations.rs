@@ -196,7 +196,9 @@ fn a_warmed_up_step_takes_no_memory() {
                 }
             }
             for body in bodies(app) {
-                let rods = Rods { edges: Some(tree.clone()), ..Rods::new(material, Section::circle(0.02)) };
+                let section = Section::circle(0.02);
+                let shape = polpo::RodShape::Section { section, edges: Some(tree.clone()) };
+                let rods = Rods { shape, ..Rods::new(material, section) };
                 app.world_mut().entity_mut(body).insert(rods);
             }
         }),

@@ -6,6 +6,8 @@ mod assets_are_whole;
 mod bad_input;
 #[path = "contracts/bodies_come_and_go.rs"]
 mod bodies_come_and_go;
+#[path = "contracts/cells.rs"]
+mod cells;
 #[path = "contracts/changed_at_run_time.rs"]
 mod changed_at_run_time;
 #[path = "contracts/determinism.rs"]
@@ -22,6 +24,8 @@ mod free_flight;
 mod groups_in_parallel;
 #[path = "contracts/joints.rs"]
 mod joints;
+#[path = "contracts/last_look.rs"]
+mod last_look;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
 #[path = "contracts/pairs.rs"]
@@ -38,6 +42,8 @@ mod quarantine;
 mod rapier_pins;
 #[path = "contracts/rest_pose.rs"]
 mod rest_pose;
+#[path = "contracts/rod_poses.rs"]
+mod rod_poses;
 #[path = "contracts/rods.rs"]
 mod rods;
 #[path = "contracts/schedule_is_unambiguous.rs"]

@@ -7,7 +7,8 @@ use bevy::time::TimeUpdateStrategy;
 use criterion::{Criterion, criterion_group, criterion_main};
 use polpo::prelude::*;
 use polpo::{
-    ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, Inflation, Material, Plasticity, RestPose, RodSolve, Rods, Section, Stillness,
+    ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, Inflation, Material, Plasticity, RestPose, RodShape, RodSolve, Rods, Section,
+    Stillness,
 };
 use polpo_rapier::{PushRigidBodies, RapierWorld, TouchedColliders};
 use polpo_rig::Rig;
@@ -60,7 +61,8 @@ fn tree(rig: &Rig) -> Vec<u32> {
 
 fn rods(rig: &Rig, solve: RodSolve) -> Rods {
     let material = Material { youngs_modulus: 1e6, poissons_ratio: 0.4, density: 1000.0 };
-    Rods { edges: Some(tree(rig)), solve, ..Rods::new(material, Section::circle(0.02)) }
+    let section = Section::circle(0.02);
+    Rods { shape: RodShape::Section { section, edges: Some(tree(rig)) }, solve, ..Rods::new(material, section) }
 }
 
 fn bare(body: &mut EntityWorldMut, _: &Rig) {

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use polpo::prelude::*;
 use polpo::{
     CapabilityRejected, ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, ExplicitState, Frozen, Material, Particles, PinState,
-    RestPose, Rods, Section, Stillness,
+    RestPose, RodShape, Rods, Section, Stillness,
 };
 use polpo_rapier::{RapierWorld, TouchedColliders};
 use polpo_rig::Rig;
@@ -209,7 +209,8 @@ fn rods_of_a_rig_exchanged_in_place_do_not_panic() {
     let bad = Rig { edges: vec![[0, 1], [2, 99]], ..lattice(0.1) };
     app.world_mut().get_mut::<SoftBody>(body).unwrap().rig = bad.into();
     let material = Material { youngs_modulus: 1e5, poissons_ratio: 0.4, density: 1000.0 };
-    let rods = Rods { edges: Some(vec![0]), ..Rods::new(material, Section::circle(0.02)) };
+    let section = Section::circle(0.02);
+    let rods = Rods { shape: RodShape::Section { section, edges: Some(vec![0]) }, ..Rods::new(material, section) };
     app.world_mut().entity_mut(body).insert(rods);
     steps(&mut app, 3);
     assert!(app.world().get::<Particles>(body).unwrap().is_finite());

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{CalibratedEdges, Edges, ImplicitGroups, Material, Particles, PinBroken, RodFidelity, RodSolve, Rods, Section};
+use polpo::{CalibratedEdges, Edges, ImplicitGroups, Material, Particles, PinBroken, RodFidelity, RodShape, RodSolve, Rods, Section};
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_tests::{lattice, simulation, steps};
 
@@ -122,7 +122,7 @@ fn rods_in_one_part_and_groups_in_another() {
         .world_mut()
         .spawn((
             SoftBody::new(rig.clone()),
-            Rods { edges: Some(stalk.clone()), ..Rods::new(material, section) },
+            Rods { shape: RodShape::Section { section, edges: Some(stalk.clone()) }, ..Rods::new(material, section) },
             Damping { drag: 2.0, internal: 4.0 },
         ))
         .id();
@@ -154,8 +154,8 @@ fn bad_rods_leave_the_body_without() {
     let good = Material { youngs_modulus: 1e6, poissons_ratio: 0.3, density: 1000.0 };
     for rods in [
         Rods::new(Material { youngs_modulus: f32::NAN, ..good }, section),
-        Rods { edges: Some(vec![0, 7]), ..Rods::new(good, section) },
-        Rods { edges: Some(vec![1, 1]), ..Rods::new(good, section) },
+        Rods { shape: RodShape::Section { section, edges: Some(vec![0, 7]) }, ..Rods::new(good, section) },
+        Rods { shape: RodShape::Section { section, edges: Some(vec![1, 1]) }, ..Rods::new(good, section) },
         Rods { solve: RodSolve::Sweep { spin_radius: f32::NAN }, ..Rods::new(good, section) },
     ] {
         let mut app = simulation();

@@ -10,8 +10,8 @@ use bevy::ecs::system::System;
 use bevy::prelude::*;
 use polpo::prelude::*;
 use polpo::{
-    ConstraintSchedule, ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, Material, Particles, Plasticity, Rods, Section, Stillness,
-    SubstepSchedule,
+    ConstraintSchedule, ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, Material, Particles, Plasticity, RodShape, Rods, Section,
+    Stillness, SubstepSchedule,
 };
 use polpo_rapier::{PushRigidBodies, TouchedColliders};
 use polpo_scenes::SimulationPlugins;
@@ -84,6 +84,7 @@ fn each_component_brings_its_own_systems_and_no_others() {
     let queries = queries();
     let bare = seeing(&queries, &|_| {});
     println!("bare: {bare:?}");
+    let section = Section::circle(0.02);
     let material = Material { youngs_modulus: 1e6, poissons_ratio: 0.4, density: 1000.0 };
     type Change<'a> = Box<dyn Fn(&mut EntityWorldMut) + 'a>;
     fn insert<'a, B: Bundle + Clone + 'a>(bundle: B) -> Change<'a> {
@@ -102,7 +103,7 @@ fn each_component_brings_its_own_systems_and_no_others() {
         ("Sleep", insert(Sleep::default())),
         ("SelfContact", insert(SelfContact::default())),
         ("ExplicitGroups", insert(ExplicitGroups { list: vec![ExplicitGroup::rigid([0, 1, 2])] })),
-        ("Rods", insert(Rods { edges: Some(vec![0]), ..Rods::new(material, Section::circle(0.02)) })),
+        ("Rods", insert(Rods { shape: RodShape::Section { section, edges: Some(vec![0]) }, ..Rods::new(material, section) })),
         ("Plasticity", insert(Plasticity::default())),
         ("Pins", insert(Pins::default())),
         ("Grab", insert(Grab { particle: 0, target: Vec3::ZERO, stiffness: Stiffness::hertz(9.0) })),
@@ -122,7 +123,7 @@ fn each_component_brings_its_own_systems_and_no_others() {
     let expected = [
         ("AirDrag", 1),
         ("BodyContact", 2),
-        ("Collision", 2),
+        ("Collision", 4),
         ("Damping", 1),
         ("DistanceConstraints", 1),
         ("ExplicitGroups", 5),

@@ -1,6 +1,7 @@
 //! What the contract tests share.
 
 mod fixtures;
+mod random_capabilities;
 mod random_scene;
 pub mod render;
 

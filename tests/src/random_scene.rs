@@ -2,13 +2,14 @@
 
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{EdgeStiffness, Material, ParticleStiffness, RodSolve, Rods, Section};
-use polpo_rapier::RapierWorld;
+use polpo::{EdgeStiffness, Inflation, Material, ParticleStiffness, Plasticity, RodShape, RodSolve, Rods, Section};
+use polpo_rapier::{PushRigidBodies, RapierWorld, RigidBodyFollower};
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_scenes::octopus_asset;
 use rapier3d::prelude::*;
 
 use crate::lattice;
+use crate::random_capabilities::{add_groups, add_rest_pose, flex};
 
 /// A small generator of pseudo-random numbers (SplitMix64).
 pub struct Random(pub u64);
@@ -43,7 +44,7 @@ impl Random {
         self.below(n) == 0
     }
 
-    fn turn(&mut self) -> Quat {
+    pub(crate) fn turn(&mut self) -> Quat {
         let axis = self.vector();
         Quat::from_axis_angle(axis.try_normalize().unwrap_or(Vec3::Y), 3.0 * self.unit())
     }
@@ -53,10 +54,12 @@ impl Random {
 /// is this.
 pub fn random_scene(app: &mut App, seed: u64) {
     let mut random = Random(seed);
+    app.add_systems(FixedUpdate, flex);
     app.insert_resource(Wind(random.vector() * 3.0));
     app.insert_resource(SolverSettings { substeps: 3 + random.below(4) as u32, iterations: 1 + random.below(2) as u32 });
     let mut world = app.world_mut().resource_mut::<RapierWorld>();
-    add_colliders(&mut world, &mut random);
+    let dynamic = add_colliders(&mut world, &mut random);
+    let hook = app.world_mut().spawn((Transform::default(), RigidBodyFollower(dynamic))).id();
     for index in 0..7 {
         let rig = match random.below(4) {
             // One that is big enough for systems to go parallel.
@@ -65,11 +68,12 @@ pub fn random_scene(app: &mut App, seed: u64) {
             1 => sheet(&mut random, 5),
             _ => lattice(0.06 + 0.06 * random.unit()),
         };
-        spawn(app.world_mut(), &mut random, rig, index);
+        spawn(app.world_mut(), &mut random, rig, index, hook);
     }
 }
 
-fn add_colliders(world: &mut RapierWorld, random: &mut Random) {
+/// Gives back one of the dynamic bodies. It hangs by a spring.
+fn add_colliders(world: &mut RapierWorld, random: &mut Random) -> RigidBodyHandle {
     world.insert_fixed(ColliderBuilder::halfspace(rapier3d::na::Unit::new_unchecked(Vec3::Y)).friction(0.7));
     for kind in 0..10 {
         let size = 0.1 + 0.3 * random.unit();
@@ -90,9 +94,15 @@ fn add_colliders(world: &mut RapierWorld, random: &mut Random) {
         let body = world.bodies.insert(body.translation(place).rotation(random.vector()));
         world.colliders.insert_with_parent(shape, body, &mut world.bodies);
     }
+    let above = world.bodies.insert(RigidBodyBuilder::fixed().translation(Vec3::Y * 2.0));
+    let hanging = world.bodies.insert(RigidBodyBuilder::dynamic().translation(Vec3::Y).angvel(random.vector()));
+    world.colliders.insert_with_parent(ColliderBuilder::cuboid(0.2, 0.1, 0.2).density(50.0), hanging, &mut world.bodies);
+    world.impulse_joints.insert(above, hanging, SpringJointBuilder::new(0.8, 30.0, 1.0), true);
+    hanging
 }
 
-fn spawn(world: &mut World, random: &mut Random, rig: Rig, index: usize) {
+fn spawn(world: &mut World, random: &mut Random, rig: Rig, index: usize, hook: Entity) {
+    let rest = rig.clone();
     let (particles, edges) = (rig.particles.len(), rig.edges.len());
     let is_chain = edges + 1 == particles;
     let place = Transform::from_translation(random.vector() + Vec3::Y * (1.2 + 0.3 * index as f32)).with_rotation(random.turn());
@@ -107,11 +117,37 @@ fn spawn(world: &mut World, random: &mut Random, rig: Rig, index: usize) {
     if random.once_in(3) {
         body.insert(EdgeStiffness::new(Some(by_edge), None, None));
     }
+    let material = Material { youngs_modulus: 2e6, poissons_ratio: 0.4, density: 1000.0 };
+    let rods = Rods {
+        solve: if random.once_in(2) { RodSolve::Direct } else { RodSolve::Sweep { spin_radius: 0.05 } },
+        ..Rods::new(material, Section::circle(0.02))
+    };
     if is_chain && random.once_in(2) {
-        let material = Material { youngs_modulus: 2e6, poissons_ratio: 0.4, density: 1000.0 };
-        let solve = if index.is_multiple_of(2) { RodSolve::Direct } else { RodSolve::Sweep { spin_radius: 0.05 } };
-        let rods = Rods { solve, ..Rods::new(material, Section::circle(0.02)) };
         body.insert(rods).remove::<(ShapeMatching, DistanceConstraints, Torsion)>();
+    } else if random.once_in(3) {
+        // A few stiff ribs in a soft body.
+        let ribs = (0..4).map(|k| (k * edges / 5) as u32).collect();
+        let shape = RodShape::Section { section: Section::circle(0.02), edges: Some(ribs) };
+        body.insert(Rods { shape, retardation: 0.01 * random.unit(), ..rods });
+    }
+    if random.once_in(2) {
+        add_groups(&mut body, random, &rest);
+    }
+    if random.once_in(2) {
+        body.insert(Plasticity { yield_strain: 0.1 * random.unit(), creep: 20.0 * random.unit(), ..default() });
+    }
+    if random.once_in(2) {
+        body.insert(SelfContact { friction: random.unit(), ..default() });
+    }
+    if random.once_in(2) {
+        body.insert(PushRigidBodies);
+    }
+    if random.once_in(2) {
+        add_rest_pose(&mut body, random, &rest);
+    }
+    if random.once_in(3) {
+        let each = if random.once_in(2) { (0..particles).map(|_| 0.95 + 0.1 * random.unit()).collect() } else { Vec::new() };
+        body.insert(Inflation { scale: 0.8 + 0.4 * random.unit(), each });
     }
     if random.once_in(3) {
         body.insert(AirDrag { density: 5.0 * random.unit(), ..default() });
@@ -132,6 +168,11 @@ fn spawn(world: &mut World, random: &mut Random, rig: Rig, index: usize) {
     if random.once_in(2) {
         // Some give way at once, some later, some never.
         let list = (0..3).map(|_| {
+            if random.once_in(4) {
+                // At the step's start it hangs a metre up.
+                let offset = place.translation - Vec3::Y + 0.2 * random.vector();
+                return Pin::to_entity(random.below(particles) as u32, hook, offset);
+            }
             let pin = Pin::at(random.below(particles) as u32, place.translation + 0.2 * random.vector());
             match random.below(3) {
                 0 => pin.clamped(),

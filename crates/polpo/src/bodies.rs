@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use polpo_rig::{Rig, RigError};
 use polpo_solver::{ParticleError, ParticleRest};
 
+use crate::recall::Recall;
 use crate::{
     BodyContact, Collision, ContactMemory, Contacts, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, Sleep,
     Sleeping, StepStart, Torsion,
@@ -83,7 +84,7 @@ pub struct SoftBodyRejected {
 }
 
 /// What the capabilities of a body have made from its particles; made anew when these are.
-type Built = (crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs);
+type Built = (crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs, Recall);
 
 /// Builds the particles as soon as a [`SoftBody`] is inserted.
 pub(crate) fn build_body(

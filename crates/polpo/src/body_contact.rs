@@ -3,7 +3,9 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 use polpo_solver::{Bounds, BroadPhase, PAIR_PASSES, PairFinder, PairRules, Pairs, Sides, Support, solve_pairs, swept_bounds};
+use serde::{Deserialize, Serialize};
 
+use crate::recall::{KnownPair, are_known_pairs, is_direction};
 use crate::self_contact::{note_support, pair_search};
 use crate::{Contacts, Frozen, Gravity, Particles, Sleeping, SubstepTime};
 
@@ -54,6 +56,23 @@ impl BodyPair {
     }
 }
 
+/// What a body remembers of another that it may touch, in a snapshot. An entity is kept as its bits, which mean something in the same world only.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Neighbour {
+    body: u64,
+    way_out: Option<Vec3A>,
+    known: Vec<KnownPair>,
+}
+
+impl Neighbour {
+    /// Whether it can be that of `body`, which has `count` particles.
+    pub(crate) fn is_sound(&self, body: Entity, count: usize) -> bool {
+        Entity::try_from_bits(self.body).is_some_and(|other| body < other)
+            && self.way_out.is_none_or(is_direction)
+            && are_known_pairs(&self.known, count)
+    }
+}
+
 /// All pairs of bodies that may touch in this step, found in phase `DetectContacts`. After the step it tells which did.
 #[derive(Resource, Debug, Default)]
 pub struct BodyPairs {
@@ -78,9 +97,24 @@ struct Candidate {
 }
 
 impl BodyPairs {
-    /// What has to be kept beside the bodies' snapshots, to be inserted as the resource when they are put back: which bodies were near each other, and the ways out of those that overlap.
-    pub fn kept(&self) -> Self {
-        Self { list: self.list.clone(), ..Self::default() }
+    /// What is remembered until the next search of the pairs in which `body` is the first.
+    pub(crate) fn memory_of(&self, body: Entity) -> Vec<Neighbour> {
+        let of_body = self.list.iter().filter(|pair| pair.bodies[0] == body);
+        of_body
+            .map(|pair| Neighbour { body: pair.bodies[1].to_bits(), way_out: pair.pairs.way_out, known: pair.pairs.known().collect() })
+            .collect()
+    }
+
+    /// Puts that back in the place of what is remembered now.
+    pub(crate) fn remember(&mut self, body: Entity, neighbours: &[Neighbour]) {
+        self.list.retain(|pair| pair.bodies[0] != body);
+        for neighbour in neighbours {
+            let Some(other) = Entity::try_from_bits(neighbour.body) else { continue };
+            let mut pairs = Pairs::default();
+            pairs.remember(neighbour.known.iter().copied(), neighbour.way_out);
+            self.list.push(BodyPair { bodies: [body, other], pairs, support: default() });
+        }
+        self.list.sort_by_key(|pair| pair.bodies);
     }
 
     /// Sorted by their entities.

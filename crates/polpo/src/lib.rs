@@ -47,6 +47,7 @@ mod particles;
 mod pins;
 mod plasticity;
 mod predict;
+mod recall;
 mod rest_pose;
 mod rider;
 mod rods;
@@ -80,10 +81,12 @@ pub use parameters::ParameterRefused;
 pub use particles::{Awake, Edges, Particles, StepStart};
 pub use pins::{Pin, PinBroken, PinState, PinTarget, Pins};
 pub use plasticity::Plasticity;
-pub use polpo_solver::{Deformable, Drive, ExplicitGroup, Material, Motor, Section, StateError, Stiffness, Turning};
+pub use polpo_solver::{
+    CalibrationError, Deformable, Drive, ExplicitGroup, Facet, Limb, Material, Motor, Section, StateError, Stiffness, Turning,
+};
 pub use rest_pose::{Inflation, Posed, RestPose};
 pub use rider::ParticleAnchor;
-pub use rods::{CalibratedEdges, RodFidelity, RodSolve, Rods};
+pub use rods::{CalibratedEdges, Cells, RodFidelity, RodShape, RodSolve, Rods};
 pub use schedule::{ConstraintSchedule, PolpoPlugin, PolpoSystems, SolverSettings, SubstepSchedule, SubstepTime};
 pub use self_contact::{SelfContact, SelfPairs};
 pub use shape_matching::{ImplicitGroups, ShapeMatching};

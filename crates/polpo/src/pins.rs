@@ -92,6 +92,26 @@ pub struct PinState {
     time: f32,
 }
 
+impl PinState {
+    /// Makes room for what pins that may break will give.
+    fn begin(&mut self, pins: &Pins, particles: &mut polpo_solver::Particles) {
+        let breaking = pins.list.iter().any(|pin| pin.break_force.is_finite());
+        let count = if breaking { particles.len() } else { 0 };
+        for list in [&mut self.impulse, &mut particles.reaction] {
+            list.clear();
+            list.resize(count, Vec3A::ZERO);
+        }
+        self.time = 0.0;
+    }
+
+    /// That of `pins` which hold the particles `held`, between two steps.
+    pub(crate) fn restored(held: &[u32], pins: &Pins, particles: &mut polpo_solver::Particles) -> Self {
+        let mut state = Self { held: held.to_vec(), ..Self::default() };
+        state.begin(pins, particles);
+        state
+    }
+}
+
 /// In phase `Prepare`: pins what is in the list, frees what no longer is, and gives what is pinned the velocity that takes it to its target in this step.
 pub(crate) fn hold_pins(
     time: Res<Time>,
@@ -101,13 +121,7 @@ pub(crate) fn hold_pins(
     let dt = time.delta_secs();
     for (mut particles, origin, pins, mut state) in &mut bodies {
         release(&mut particles, &mut state.held);
-        let breaking = pins.list.iter().any(|pin| pin.break_force.is_finite());
-        let count = if breaking { particles.len() } else { 0 };
-        state.impulse.clear();
-        state.impulse.resize(count, Vec3A::ZERO);
-        particles.reaction.clear();
-        particles.reaction.resize(count, Vec3A::ZERO);
-        state.time = 0.0;
+        state.begin(pins, &mut particles);
         for pin in &pins.list {
             let i = pin.particle as usize;
             if !(pin.position || pin.rotation) {
@@ -189,24 +203,26 @@ pub(crate) fn sum_reactions(
     }
 }
 
-/// In phase `Writeback`: takes off the pins that were pulled too hard.
-pub(crate) fn break_pins(mut commands: Commands, mut bodies: Query<(Entity, &mut Pins, &PinState), Awake>) {
-    for (entity, mut pins, state) in &mut bodies {
+/// In phase `Writeback`: takes off the pins that were pulled too hard, and forgets the pulls: a body that falls asleep now and is woken in the middle of a step starts from nothing, too.
+pub(crate) fn break_pins(mut commands: Commands, mut bodies: Query<(Entity, &mut Pins, &mut PinState), Awake>) {
+    for (entity, mut pins, mut state) in &mut bodies {
         if state.impulse.is_empty() || state.time <= 0.0 {
             continue;
         }
-        let force = |pin: &Pin| state.impulse.get(pin.particle as usize).map_or(0.0, |impulse| impulse.length() / state.time);
-        if !pins.list.iter().any(|pin| force(pin) > pin.break_force) {
-            continue;
+        let (impulse, time) = (&state.impulse, state.time);
+        let force = |pin: &Pin| impulse.get(pin.particle as usize).map_or(0.0, |impulse| impulse.length() / time);
+        if pins.list.iter().any(|pin| force(pin) > pin.break_force) {
+            pins.list.retain(|pin| {
+                let pull = force(pin);
+                if pull > pin.break_force {
+                    commands.trigger(PinBroken { entity, pin: *pin, force: pull });
+                    return false;
+                }
+                true
+            });
         }
-        pins.list.retain(|pin| {
-            let pull = force(pin);
-            if pull > pin.break_force {
-                commands.trigger(PinBroken { entity, pin: *pin, force: pull });
-                return false;
-            }
-            true
-        });
+        state.impulse.fill(Vec3A::ZERO);
+        state.time = 0.0;
     }
 }
 

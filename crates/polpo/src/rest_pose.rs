@@ -4,13 +4,13 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 
 use crate::capability::reject;
-use crate::{Edges, ImplicitGroups, Particles};
+use crate::{CalibratedEdges, Edges, ImplicitGroups, Particles};
 
-/// The pose that the body strives for, instead of the rig's. Change it from step to step, and it works like a muscle: [`ShapeMatching`](crate::ShapeMatching), [`DistanceConstraints`](crate::DistanceConstraints)
-/// and [`Torsion`](crate::Torsion) follow it, with their stiffness, and nothing pulls from outside. A fish whose spine waves, with [`AirDrag`](crate::AirDrag) of water, swims.
+/// The pose that the body strives for, instead of the rig's. Change it from step to step, and it works like a muscle: [`ShapeMatching`](crate::ShapeMatching), [`DistanceConstraints`](crate::DistanceConstraints),
+/// [`Torsion`](crate::Torsion) and [`Rods`](crate::Rods) follow it, with their stiffness, and nothing pulls from outside. A fish whose spine waves, with [`AirDrag`](crate::AirDrag) of water, swims.
 ///
-/// Only what differs between neighbours counts: where the pose is as a whole does not matter. [`ExplicitGroups`](crate::ExplicitGroups) keep their shape, so a pose should move each of them as a piece;
-/// [`Rods`](crate::Rods) do not follow. Lists of the wrong length and numbers that are not finite are refused with [`CapabilityRejected`](crate::CapabilityRejected).
+/// Only what differs between neighbours counts: where the pose is as a whole does not matter. [`ExplicitGroups`](crate::ExplicitGroups) keep their shape, so a pose should move each of them as a piece.
+/// Lists of the wrong length and numbers that are not finite are refused with [`CapabilityRejected`](crate::CapabilityRejected).
 #[derive(Component, Debug, Clone, Default, PartialEq)]
 pub struct RestPose {
     /// Where each particle is \[m\], in the axes of `Particles::rest_position`: the rig's, scaled as the body is. Empty: as in the rig.
@@ -63,14 +63,16 @@ pub(crate) fn pose_bodies(
             Option<&mut Posed>,
             Option<Mut<ImplicitGroups>>,
             Option<Mut<Edges>>,
+            Option<Mut<CalibratedEdges>>,
         ),
         Or<(With<RestPose>, With<Inflation>, With<Posed>)>,
     >,
 ) {
-    for (entity, particles, pose, inflation, mut posed, groups, edges) in &mut bodies {
+    for (entity, particles, pose, inflation, mut posed, groups, edges, rods) in &mut bodies {
         let from = [pose.is_some(), inflation.is_some()];
         let changed = pose.as_ref().is_some_and(|p| p.is_changed()) || inflation.as_ref().is_some_and(|i| i.is_changed());
         let new = groups.as_ref().is_some_and(|g| g.is_added()) || edges.as_ref().is_some_and(|e| e.is_added());
+        let new = new || rods.as_ref().is_some_and(|r| r.is_unposed());
         if !(changed || new) && posed.as_ref().is_some_and(|p| p.from == from) {
             continue;
         }
@@ -104,6 +106,9 @@ pub(crate) fn pose_bodies(
         }
         if let Some(mut edges) = edges {
             edges.pose(particles, made);
+        }
+        if let Some(mut rods) = rods {
+            rods.pose(particles, made);
         }
         match posed {
             _ if from == [false, false] => {

@@ -1,47 +1,80 @@
-//! Rods: edges that are as stiff as their material and section say.
+//! Rods: edges that are as stiff as their material and section, or the body's cells, say.
 
 use bevy::prelude::*;
 use polpo_rig::Rig;
-use polpo_solver::{CalibrationError, DirectEdges, Material, Section};
+use polpo_solver::{CalibrationError, DirectEdges, Facet, Limb, Material, Rings, Section};
 
 use crate::capability::{CapabilityError, reject};
 use crate::particles::{Awake, for_each_body};
 use crate::{Edges, ImplicitGroups, Particles, SoftBody, SolverSettings, SubstepTime};
 
-/// Edges of the body are rods of a real material: they carry stretch, shear, bend and twist, and their particles take their masses from them. For ropes, tails, tentacles, bones, frames.
+/// Edges of the body are as stiff as a real material: they carry stretch, shear, bend and twist, and their particles take their masses from them. For ropes, tails, tentacles, bones, frames with a
+/// [`section`](RodShape::Section), for bodies of any shape with [`cells`](RodShape::Cells).
 ///
 /// An edge belongs to the rods or to [`ShapeMatching`](crate::ShapeMatching), [`DistanceConstraints`](crate::DistanceConstraints) and [`Torsion`](crate::Torsion), never to both. Where rods meet the rest
-/// of a body, the particle between them is in both: it keeps its mass and gets the rods' on top, turns with the rods, and its groups hold on to it. Whatever is solved last in a substep, the rods, has
-/// the last word there.
+/// of a body, the particle between them is in both: it turns with the rods, and its groups hold on to it. Whatever is solved last in a substep, the rods, has the last word there.
 ///
-/// Solved once a substep. Numbers out of range, an edge that does not exist or has no length, or more loops than [`RodSolve::Direct`] takes are refused with
+/// They follow a [`RestPose`](crate::RestPose) and [`Inflation`](crate::Inflation), with the stiffness that they were made with.
+///
+/// Solved once a substep. Numbers out of range, an edge that does not exist or has no length, a facet that is none, or what [`RodSolve::Direct`] does not take are refused with
 /// [`CapabilityRejected`](crate::CapabilityRejected). Without rods the particles have the masses back that they had before.
 #[derive(Component, Debug, Clone, PartialEq)]
 pub struct Rods {
     /// What they are made of.
     pub material: Material,
-    /// Their cross-section, the same everywhere.
-    pub section: Section,
-    /// Which of the rig's edges are rods, by index; default `None`: all of them.
-    pub edges: Option<Vec<u32>>,
-    /// How they are solved; default [`RodSolve::Direct`].
+    /// What shape they have.
+    pub shape: RodShape,
+    /// How they are solved; default [`RodSolve::Direct`] for a section, and a sweep for cells.
     pub solve: RodSolve,
     /// Retardation time τ of the material \[s\]: a mode of frequency f is damped with the ratio π·f·τ. Range 0 (none, the default) to infinity; swept, it asks for more substeps.
     pub retardation: f32,
 }
 
 impl Rods {
-    /// All edges of the body, solved directly, without damping.
+    /// All edges of the body, of one section, solved directly, without damping.
     pub const fn new(material: Material, section: Section) -> Self {
-        Self { material, section, edges: None, solve: RodSolve::Direct, retardation: 0.0 }
+        Self { material, shape: RodShape::Section { section, edges: None }, solve: RodSolve::Direct, retardation: 0.0 }
     }
+
+    /// A body in `cells`, swept with its own spin, without damping.
+    pub const fn of_cells(material: Material, cells: Cells) -> Self {
+        Self { material, shape: RodShape::Cells(cells), solve: RodSolve::Sweep { spin_radius: 0.0 }, retardation: 0.0 }
+    }
+}
+
+/// What [`Rods`] are the edges of.
+#[derive(Debug, Clone, PartialEq)]
+pub enum RodShape {
+    /// Bars along edges of the rig. A particle that edges beside them have too keeps its mass and gets the rods' on top.
+    Section {
+        /// The cross-section, the same everywhere.
+        section: Section,
+        /// Which of the rig's edges are rods, by index; `None`: all of them.
+        edges: Option<Vec<u32>>,
+    },
+    /// The body's volume, where the rig's particles divide it between them.
+    Cells(Cells),
+}
+
+/// A body in cells, one a particle, and where they touch: what a rigger makes of a volume and the particles in it, by voxels that belong to the particle they are nearest to, say.
+///
+/// The facets are the edges, whatever edges the rig has: of these, the ones between two particles that have facets are nobody's. Each particle with a volume has the mass of its cell. All is in the axes of
+/// `Particles::rest_position`: the rig's, scaled as the body is.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Cells {
+    /// The volume of each particle's cell \[m³\]; 0 for a particle without one, and for walls, which have facets and are to be pinned in place and rotation.
+    pub volumes: Vec<f32>,
+    /// Where cells touch, each pair once. Small facets count too: left out, they cost stiffness.
+    pub facets: Vec<Facet>,
+    /// If the body is one slender limb, its direction and section: it needs two fifths of the substeps then, and is too soft against stretch only; with a spin radius of about 0.12 of its length.
+    pub limb: Option<Limb>,
 }
 
 /// How [`Rods`] are solved.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum RodSolve {
     /// All together: as stiff as the material says at every time step, with one substep. About ten times the work of a sweep, proportional to the number of edges on chains and trees; edges that close loops cost
-    /// more, and a body full of them is refused.
+    /// more, and a body full of them is refused; so are cells of a material with a Poisson's ratio other than 0, whose rings are swept.
     #[default]
     Direct,
     /// One after the other: cheap, and as stiff as the material says if there are enough substeps, see [`CalibratedEdges::fidelity`].
@@ -56,9 +89,12 @@ pub enum RodSolve {
 pub struct CalibratedEdges {
     #[deref]
     edges: polpo_solver::CalibratedEdges,
+    rings: Rings,
     direct: Option<Box<DirectEdges>>,
     /// Mass and spin inertia that the particles had, and get back.
     before: Vec<[f32; 2]>,
+    /// Whether they are as they were made, and a rest pose is still to come.
+    unposed: bool,
     /// The longest substep that will do; infinite where any will \[s\].
     longest: f32,
     needed: u32,
@@ -93,14 +129,43 @@ impl CalibratedEdges {
     pub fn substeps_needed(&self) -> u32 {
         self.needed
     }
+
+    /// Whether they are new and have no rest pose yet.
+    pub(crate) fn is_unposed(&self) -> bool {
+        self.unposed
+    }
+
+    /// Makes `pose` the shape in which they have no strain.
+    pub(crate) fn pose(&mut self, particles: &polpo_solver::Particles, pose: &polpo_solver::RestPose) {
+        self.unposed = false;
+        self.edges.pose(particles, pose);
+        self.rings.pose(particles, pose);
+    }
 }
 
 /// The pairs of the rig's edges that are no rods, and which of them each is.
 pub(crate) fn edges_beside(rig: &Rig, rods: Option<&Rods>) -> (Vec<[u32; 2]>, Vec<u32>) {
-    let mut is_rod = vec![rods.is_some_and(|rods| rods.edges.is_none()); rig.edges.len()];
-    for &e in rods.and_then(|rods| rods.edges.as_ref()).into_iter().flatten() {
-        if let Some(is_rod) = is_rod.get_mut(e as usize) {
-            *is_rod = true;
+    let mut is_rod = vec![false; rig.edges.len()];
+    match rods.map(|rods| &rods.shape) {
+        None => {}
+        Some(RodShape::Section { edges: None, .. }) => is_rod.fill(true),
+        Some(RodShape::Section { edges: Some(list), .. }) => {
+            for &e in list {
+                if let Some(is_rod) = is_rod.get_mut(e as usize) {
+                    *is_rod = true;
+                }
+            }
+        }
+        Some(RodShape::Cells(cells)) => {
+            let mut touches = vec![false; rig.particles.len()];
+            for &i in cells.facets.iter().flat_map(|f| &f.pair) {
+                if let Some(touches) = touches.get_mut(i as usize) {
+                    *touches = true;
+                }
+            }
+            for (is_rod, pair) in is_rod.iter_mut().zip(&rig.edges) {
+                *is_rod = pair.iter().all(|&i| touches[i as usize]);
+            }
         }
     }
     (0u32..).zip(&rig.edges).filter(|(e, _)| !is_rod[*e as usize]).map(|(e, pair)| (*pair, e)).unzip()
@@ -137,14 +202,52 @@ pub(crate) fn build_rods(
 }
 
 fn calibrate(rig: &Rig, particles: &mut Particles, rods: &Rods) -> Result<CalibratedEdges, CapabilityError> {
-    let (beside, _) = edges_beside(rig, Some(rods));
-    let pairs = match &rods.edges {
+    let before: Vec<[f32; 2]> = particles.mass.iter().zip(&particles.inertia).map(|(m, i)| [*m, *i]).collect();
+    make(rig, particles, rods, before.clone()).inspect_err(|_| give_back(particles, &before))
+}
+
+fn make(rig: &Rig, particles: &mut Particles, rods: &Rods, before: Vec<[f32; 2]>) -> Result<CalibratedEdges, CapabilityError> {
+    let spin_radius = match rods.solve {
+        RodSolve::Direct => None,
+        RodSolve::Sweep { spin_radius } => Some(spin_radius),
+    };
+    let (mut edges, rings) = match &rods.shape {
+        RodShape::Section { section, edges } => (bars(rig, particles, rods, *section, edges.as_deref(), spin_radius)?, Rings::default()),
+        RodShape::Cells(Cells { volumes, facets, limb }) => {
+            let radius = spin_radius.unwrap_or(0.0);
+            let (mut edges, mut rings) = polpo_solver::CalibratedEdges::from_facets(particles, facets, volumes, &rods.material, radius)?;
+            if let Some(limb) = limb {
+                edges.cap_stretch(&mut rings, &walls_pinned(particles, volumes), &rods.material, limb)?;
+            }
+            (edges, rings)
+        }
+    };
+    edges.retardation = rods.retardation;
+    let (direct, longest) = match (rods.solve, &rods.shape) {
+        (RodSolve::Direct, _) if !rings.middle.is_empty() => return Err(CalibrationError::DirectRings.into()),
+        (RodSolve::Direct, _) => (Some(Box::new(DirectEdges::new(&edges, particles.len())?)), f32::INFINITY),
+        (_, RodShape::Cells(cells)) => (None, edges.longest_substep(&walls_pinned(particles, &cells.volumes))),
+        _ => (None, edges.longest_substep(particles)),
+    };
+    Ok(CalibratedEdges { edges, rings, direct, before, unposed: true, longest, needed: 1, taken: 1, warned: false })
+}
+
+fn bars(
+    rig: &Rig,
+    particles: &mut Particles,
+    rods: &Rods,
+    section: Section,
+    list: Option<&[u32]>,
+    spin_radius: Option<f32>,
+) -> Result<polpo_solver::CalibratedEdges, CapabilityError> {
+    let pairs = match list {
         None => rig.edges.clone(),
         Some(list) => {
             let pair = |&e: &u32| rig.edges.get(e as usize).copied().ok_or(CalibrationError::NoEdge { edge: e, count: rig.edges.len() });
             list.iter().map(pair).collect::<Result<_, _>>()?
         }
     };
+    let (beside, _) = edges_beside(rig, Some(rods));
     let mut seam = vec![false; particles.len()];
     for &i in beside.iter().flatten() {
         if let Some(seam) = seam.get_mut(i as usize) {
@@ -152,24 +255,16 @@ fn calibrate(rig: &Rig, particles: &mut Particles, rods: &Rods) -> Result<Calibr
         }
     }
     let edges = polpo_solver::Edges::new(particles, &pairs)?;
-    let before: Vec<[f32; 2]> = particles.mass.iter().zip(&particles.inertia).map(|(m, i)| [*m, *i]).collect();
-    let spin_radius = match rods.solve {
-        RodSolve::Direct => None,
-        RodSolve::Sweep { spin_radius } => Some(spin_radius),
-    };
-    let mut edges = polpo_solver::CalibratedEdges::rods(particles, &edges, &rods.material, &rods.section, spin_radius, &seam)?;
-    edges.retardation = rods.retardation;
-    let (direct, longest) = match rods.solve {
-        RodSolve::Direct => match DirectEdges::new(&edges, particles.len()) {
-            Ok(direct) => (Some(Box::new(direct)), f32::INFINITY),
-            Err(error) => {
-                give_back(particles, &before);
-                return Err(error.into());
-            }
-        },
-        RodSolve::Sweep { .. } => (None, edges.longest_substep(particles)),
-    };
-    Ok(CalibratedEdges { edges, direct, before, longest, needed: 1, taken: 1, warned: false })
+    Ok(polpo_solver::CalibratedEdges::rods(particles, &edges, &rods.material, &section, spin_radius, &seam)?)
+}
+
+/// The particles with those pinned that have no cell, as they are to be, and no others: whether a substep will do should not depend on who is held just now.
+fn walls_pinned(particles: &Particles, volumes: &[f32]) -> polpo_solver::Particles {
+    let mut particles = particles.0.clone();
+    for (i, volume) in volumes.iter().enumerate() {
+        particles.pin(i, *volume == 0.0, *volume == 0.0);
+    }
+    particles
 }
 
 fn give_back(particles: &mut Particles, before: &[[f32; 2]]) {
@@ -203,14 +298,17 @@ pub(crate) fn solve_rods(time: Res<SubstepTime>, mut bodies: Query<(&mut Particl
     }
     for_each_body(
         &mut bodies,
-        |(_, edges)| if edges.direct.is_some() { 1000 } else { 60 } * edges.pairs.len(),
+        |(_, edges)| if edges.direct.is_some() { 1000 } else { 60 } * edges.pairs.len() + 10 * edges.rings.around.len(),
         |(mut particles, mut edges)| {
-            let CalibratedEdges { edges, direct, .. } = &mut *edges;
+            let CalibratedEdges { edges, rings, direct, .. } = &mut *edges;
             match direct {
                 Some(direct) => {
                     direct.solve(edges, &mut particles, time.delta);
                 }
-                None => polpo_solver::solve_calibrated_edges(edges, &mut particles, time.delta),
+                None => {
+                    polpo_solver::solve_calibrated_edges(edges, &mut particles, time.delta);
+                    polpo_solver::solve_rings(rings, &mut particles, time.delta);
+                }
             }
         },
     );

@@ -19,7 +19,7 @@ use polpo_solver::Sweep;
 
 use crate::{
     bodies, body_contact, collision, damping, distance, explicit_groups, freeze, grab, integrate, keep_momentum, parameters, particles,
-    pins, plasticity, predict, rest_pose, rider, rods, self_contact, shape_matching, sleep, torsion, wind, writeback,
+    pins, plasticity, predict, recall, rest_pose, rider, rods, self_contact, shape_matching, sleep, torsion, wind, writeback,
 };
 
 /// Soft bodies: adds the step to a schedule.
@@ -141,7 +141,7 @@ impl Plugin for PolpoPlugin {
                         particles::build_edges,
                         rest_pose::pose_bodies,
                         self_contact::build_self_pairs,
-                        shape_matching::forget_rotations,
+                        recall::recall,
                         rods::check_substeps,
                         pins::hold_pins,
                         particles::remember_step_start,
@@ -152,7 +152,8 @@ impl Plugin for PolpoPlugin {
                         .chain()
                         .in_set(PolpoSystems::FindPairs)
                         .in_set(PolpoSystems::DetectContacts),
-                    run_substeps.in_set(PolpoSystems::Substeps),
+                    // After the contacts, whose search wakes bodies.
+                    (shape_matching::forget_rotations, run_substeps).chain().in_set(PolpoSystems::Substeps),
                     (
                         freeze::freeze_broken_bodies,
                         writeback::follow_center_of_mass,

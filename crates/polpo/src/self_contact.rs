@@ -5,6 +5,7 @@ use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPa
 
 use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
+use crate::recall::KnownPair;
 use crate::{Contacts, Frozen, Gravity, Particles, SoftBody, SubstepTime};
 
 /// The particles of the body do not pass through each other: arms lie on arms, a sheet folds onto itself. Not there unless you add it.
@@ -41,6 +42,15 @@ impl SelfPairs {
     /// The pairs, with whether they touched in this step and how fast they met.
     pub fn pairs(&self) -> &[polpo_solver::Pair] {
         &self.pairs.list
+    }
+
+    /// What is remembered until the next search.
+    pub(crate) fn known(&self) -> impl Iterator<Item = KnownPair> {
+        self.pairs.known()
+    }
+
+    pub(crate) fn remember(&mut self, known: &[KnownPair]) {
+        self.pairs.remember(known.iter().copied(), None);
     }
 }
 

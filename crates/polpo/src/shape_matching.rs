@@ -64,7 +64,7 @@ pub(crate) fn build_groups(
     }
 }
 
-/// In phase `Prepare`: the search for the groups' rotations starts from the particles, so that a step depends on nothing else.
+/// At the start of phase `Substeps`: the search for the groups' rotations starts from the particles, so that a step depends on nothing else.
 pub(crate) fn forget_rotations(mut bodies: Query<(&Particles, &mut ImplicitGroups), Awake>) {
     for (particles, mut groups) in &mut bodies {
         groups.forget_rotations(particles);

@@ -6,6 +6,7 @@ use rapier3d::math::{Pose, Vector};
 use rapier3d::parry::bounding_volume::Aabb;
 
 use crate::candidates::{Candidate, When, reduce};
+use crate::last_look::{LastLook, Seen};
 use crate::nearest::{Nearest, nearest};
 use crate::obstacles::{Frame, Obstacle, Obstacles};
 use crate::parts::{is_one_sided, visit_parts, way_out};
@@ -49,6 +50,15 @@ pub struct ContactDetector {
     candidates: Vec<Candidate>,
     /// For each contact found last, the index of its obstacle.
     pub(crate) sources: Vec<u32>,
+    /// For each particle, where it was looked for contacts.
+    pub(crate) seen: Vec<Seen>,
+    /// Whether anything that moves is near.
+    pub(crate) astir: bool,
+    /// Scratch of the last look: particles that strayed, and obstacles they may meet.
+    pub(crate) strayed: Vec<u32>,
+    pub(crate) met: Vec<u32>,
+    /// Of the last looks since the detection.
+    pub(crate) looked: LastLook,
 }
 
 /// An obstacle near the body: its index, and where it is now, at the end of the step and at the start of the last one.
@@ -86,20 +96,35 @@ impl ContactDetector {
         self.sources.clear();
         self.candidates.clear();
         self.candidates.reserve(ROOM);
+        self.seen.clear();
+        self.looked = LastLook::default();
         let p = body.particles;
         if free.position.len() != p.len() {
             free.position.clear();
             free.position.extend(p.position.iter().map(|x| Vector::from(*x)));
         }
         self.gather_near(body, obstacles, &free.position);
+        self.astir = self.near.iter().any(|near| obstacles.list[near.index as usize].moves());
         if self.near.is_empty() {
+            self.seen.extend((0..p.len()).map(|i| Seen::new(p, i, way(body, i))));
             for (free, x) in free.position.iter_mut().zip(&p.position) {
                 *free = (*x).into();
             }
             return;
         }
         for i in 0..p.len() {
-            self.find(body, i, obstacles, colliders, Some(free.position[i]));
+            let ahead = self.find(body, i, obstacles, colliders, Some(free.position[i]));
+            let mut seen = Seen::new(p, i, way(body, i));
+            seen.share = ahead;
+            for found in &self.candidates {
+                match found.when {
+                    // What it hides is at least as far away.
+                    When::Now => seen.margin = seen.margin.min(found.distance),
+                    When::Later(_) => {}
+                    When::Crossed => seen.returning = Some(self.near[found.obstacle as usize].index),
+                }
+            }
+            self.seen.push(seen);
             let now = Vector::from(p.position[i]);
             free.position[i] = match self.candidates.first() {
                 // Not where it came from but above where it is now: it may slide on under the surface, past other triangles.
@@ -176,8 +201,8 @@ impl ContactDetector {
         }
     }
 
-    /// The planes of particle `i`, reduced, into `self.candidates`.
-    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vector>) {
+    /// The planes of particle `i`, reduced, into `self.candidates`. Returns after which share of the step it meets the first that is ahead, kept or not; 1 if none is.
+    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vector>) -> f32 {
         self.candidates.clear();
         let p = body.particles;
         let now = Vector::from(p.position[i]);
@@ -186,7 +211,7 @@ impl ContactDetector {
         let (bound, least) = (ellipsoid.bound(), ellipsoid.radii.min_element());
         let slack = SLACK * bound;
         if !(end.is_finite() && ellipsoid.orientation.is_finite()) {
-            return;
+            return 1.0;
         }
         let reach = Vector::splat(bound + slack);
         // Not where it goes by itself, but where those that still fly will press it when their body comes down.
@@ -225,7 +250,10 @@ impl ContactDetector {
                 Ask { near: near as u32, obstacle, frame, dt: body.dt, step: frame.rotation.inverse() * relative, shape: collider.shape() };
             ask.collect(probe, &mut self.candidates);
         }
+        let ahead = self.candidates.iter().filter_map(|c| if let When::Later(share) = c.when { Some(share) } else { None });
+        let ahead = ahead.fold(1.0, f32::min);
         reduce(&mut self.candidates, FLUSH * least);
+        ahead
     }
 }
 

@@ -23,13 +23,16 @@
 //!
 //! - Dynamic rigid bodies push soft ones as if they were driven, unless the soft one has [`PushRigidBodies`].
 //! - A contact is a plane for the length of a step. A particle that crosses more than its own size of a curved surface in a step sees it as flat for that long.
-//! - A particle is swept along a straight line without turning, and a fast, thin obstacle is met by the whole ellipsoid; but what neighbours do to the particle within the step is not foreseen.
-//!   It may so get through a thin thing; its memory (`polpo::ContactMemory`) then brings it back, at the body's push speed.
+//! - A particle is swept along a straight line without turning, and a fast, thin obstacle is met by the whole ellipsoid. Whatever takes it elsewhere within the step, its centre does not go through a surface ([`LastLook`]),
+//!   but it may reach in by up to its own size until the next step.
+//! - A centre that begins a substep inside a collider is not held by that one. What passes through a thin thing all the same, because a pin or the game takes it there, is brought back by its memory
+//!   (`polpo::ContactMemory`), at the body's push speed.
 
 mod candidates;
 mod cast;
 mod detect;
 mod follower;
+mod last_look;
 mod movers;
 mod nearest;
 mod obstacles;
@@ -45,6 +48,7 @@ mod world;
 
 pub use detect::{ContactDetector, DetectionInput};
 pub use follower::RigidBodyFollower;
+pub use last_look::LastLook;
 pub use obstacles::Obstacles;
 pub use penetration::penetration;
 pub use plugin::{PolpoRapierPlugin, RapierSystems};

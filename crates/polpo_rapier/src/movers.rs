@@ -10,6 +10,7 @@ use crate::RapierWorld;
 
 /// What Rapier's joints did to a body in its last step, as accelerations.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Reaction {
     pub(crate) body: RigidBodyHandle,
     pub(crate) linear: Vector,

@@ -245,9 +245,16 @@ impl Obstacle {
     ///
     /// The difference of two places far out is exact; only then is it rotated and added to.
     pub(crate) fn frames(&self, origin: Vector, dt: f32) -> [Frame; 3] {
-        let now = Frame { translation: (self.anchor - origin) + self.offset, rotation: self.rotation };
-        let moved = |way: Vector, turn: Vector| Frame { translation: now.translation + way, rotation: turned(now.rotation, turn) };
-        [now, moved(self.velocity * dt, self.angular_velocity * dt), moved(-self.last_way, -self.last_turn)]
+        let [now, end] = [0.0, dt].map(|time| self.frame_at(origin, time));
+        [now, end, Frame { translation: now.translation - self.last_way, rotation: turned(now.rotation, -self.last_turn) }]
+    }
+
+    /// Where it is `time` \[s\] after the step's start, relative to `origin`.
+    pub(crate) fn frame_at(&self, origin: Vector, time: f32) -> Frame {
+        Frame {
+            translation: (self.anchor - origin) + self.offset + self.velocity * time,
+            rotation: turned(self.rotation, self.angular_velocity * time),
+        }
     }
 
     /// The velocity over the step of `dt` of the plane with normal `n` at `at` \[m/s\]. `at` and `frame`, where the obstacle is now, are relative to a body's origin.

@@ -8,14 +8,16 @@ use polpo::{
     Awake, Collision, ContactMemory, Contacts, Frozen, Gravity, GravityScale, Particles, PolpoSystems, Sleeping, Stillness, SubstepSchedule,
 };
 
-use crate::detect::bounds_of;
+use crate::detect::{bounds_of, layers};
+use crate::last_look::{self, LastLook};
 use crate::push::Pushing;
 use crate::{ContactDetector, DetectionInput, Obstacles, RapierWorld, follower, push, touched};
 
 /// Lets soft bodies collide with the colliders of a [`RapierWorld`], which it inserts and steps.
 ///
 /// In the step of `polpo::PolpoPlugin`, which must be in the same schedule: in [`PolpoSystems::DetectContacts`] sleeping bodies wake near which a collider moves, has come, gone or changed, and the contacts are
-/// found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones; after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the
+/// found; after [`PolpoSystems::SolveContacts`] of every substep, bodies with [`PushRigidBodies`](crate::PushRigidBodies) push rigid ones, and particles that went into colliders where nobody had looked are
+/// put back ([`LastLook`]); after [`PolpoSystems::Writeback`], in [`RapierSystems::Step`], the
 /// rigid bodies make the same step. So while the soft bodies step, the rigid ones are at the start of the step with the
 /// velocity they will have in it.
 pub struct PolpoRapierPlugin {
@@ -55,6 +57,7 @@ impl Plugin for PolpoRapierPlugin {
         app.init_resource::<RapierWorld>()
             .init_resource::<Surroundings>()
             .init_resource::<Pushing>()
+            .init_resource::<LastLook>()
             .init_resource::<Gravity>()
             .register_required_components::<Contacts, ContactMemory>()
             .register_required_components::<Contacts, Detector>()
@@ -70,7 +73,10 @@ impl Plugin for PolpoRapierPlugin {
                     (push::hand_over, step_rigid_bodies, push::after_rapier, follower::follow).chain().in_set(RapierSystems::Step),
                 ),
             )
-            .add_systems(SubstepSchedule, push::solve_pushes.after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate));
+            .add_systems(
+                SubstepSchedule,
+                (push::solve_pushes, last_look::last_look).chain().after(PolpoSystems::SolveContacts).before(PolpoSystems::Integrate),
+            );
     }
 }
 
@@ -91,7 +97,7 @@ fn disturb(
     }
     for (entity, particles, transform, collision, mut stillness, asleep) in &mut bodies {
         let Some((mins, maxs)) = bounds_of(particles) else { continue };
-        let layers = crate::detect::layers(collision.memberships, collision.filter);
+        let layers = layers(collision.memberships, collision.filter);
         if surroundings.0.are_stirred_near(mins, maxs, transform.translation, layers) {
             stillness.0 = 0.0;
             if asleep {

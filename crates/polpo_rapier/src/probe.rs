@@ -79,7 +79,10 @@ impl Probe {
                 let there = nearest(shape, at);
                 (there.distance, there)
             };
-            if let Some((_, hit)) = cast(free, local.now, local.tolerance(), look(free), look)
+            let first = look(free);
+            // What was inside has not gone in, wherever it has come out.
+            if first.0 >= 0.0
+                && let Some((_, hit)) = cast(free, local.now, local.tolerance(), first, look)
                 && hit.normal.dot(local.now - hit.point) < 0.0
             {
                 report(Finding::Crossed(back(hit)));

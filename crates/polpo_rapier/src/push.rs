@@ -44,6 +44,8 @@ struct Tied {
 /// The rigid bodies that are pushed in this step.
 #[derive(Resource, Default)]
 pub(crate) struct Pushing {
+    /// The soft bodies that push, in the order in which they are solved: that of their entities, not of where their components lie in memory.
+    order: Vec<Entity>,
     movers: Movers,
     /// Theirs, in the same order.
     handles: Vec<RigidBodyHandle>,
@@ -51,10 +53,15 @@ pub(crate) struct Pushing {
     forces: Vec<(RigidBodyHandle, Vec3, Vec3)>,
     /// The velocities that those on joints would have after Rapier's step without joints and gravity, and what these made of them in the last.
     sent: Vec<(RigidBodyHandle, Vec3, Vec3)>,
-    reactions: Vec<Reaction>,
+    pub(crate) reactions: Vec<Reaction>,
 }
 
 impl Pushing {
+    /// Those that are pushed in this step.
+    pub(crate) fn handles(&self) -> &[RigidBodyHandle] {
+        &self.handles
+    }
+
     /// The index of the mover for `body`, added if it is new. `None` if it cannot be pushed.
     fn index_of(&mut self, world: &RapierWorld, body: RigidBodyHandle, gravity: Vec3) -> Option<usize> {
         if let Some(index) = self.handles.iter().position(|&other| other == body) {
@@ -106,6 +113,7 @@ pub(crate) fn gather_movers(
     world: Res<RapierWorld>,
     surroundings: Res<Surroundings>,
     mut pushing: ResMut<Pushing>,
+    pushers: Query<Entity, (With<PushRigidBodies>, Awake)>,
     mut bodies: Query<
         (&mut Particles, &Transform, &mut Contacts, &Detector, Option<&Pins>, &mut PushState),
         (With<PushRigidBodies>, Awake),
@@ -115,7 +123,11 @@ pub(crate) fn gather_movers(
     pushing.movers.list.clear();
     pushing.movers.feet.clear();
     pushing.handles.clear();
-    for (mut particles, transform, mut contacts, detector, pins, mut state) in &mut bodies {
+    pushing.order.clear();
+    pushing.order.extend(&pushers);
+    pushing.order.sort_unstable();
+    for at in 0..pushing.order.len() {
+        let Ok((mut particles, transform, mut contacts, detector, pins, mut state)) = bodies.get_mut(pushing.order[at]) else { continue };
         let origin = transform.translation;
         let center_of = |body: RigidBodyHandle| {
             world.bodies.get(body).map(|body| (body.position().translation - origin) + center_arm(body)).map(Vec3A::from)
@@ -203,13 +215,14 @@ pub(crate) fn solve_pushes(
 ) {
     /// Sweeps over all contacts. A box on dozens of jammed particles has settled by then to 1e-5 of its speed.
     const SWEEPS: usize = 8;
-    let movers = &mut pushing.movers;
+    let Pushing { order, movers, .. } = &mut *pushing;
     if movers.list.is_empty() {
         return;
     }
     let dt = time.delta;
     movers.begin(dt);
-    for (entity, particles, _, _, mut state) in &mut bodies {
+    let mut each = bodies.iter_many_mut(&*order);
+    while let Some((entity, particles, _, _, mut state)) = each.fetch_next() {
         if let Ok(groups) = groups.get_mut(entity) {
             strike(&state.contacts, movers, &particles, dt, groups);
         }
@@ -219,13 +232,15 @@ pub(crate) fn solve_pushes(
         }
     }
     for _ in 0..SWEEPS {
-        for (_, mut particles, contacts, _, mut state) in &mut bodies {
+        let mut each = bodies.iter_many_mut(&*order);
+        while let Some((_, mut particles, contacts, _, mut state)) = each.fetch_next() {
             solve_ties(&mut state.ties, movers, &mut particles, dt);
             sweep_pushes(&mut state.contacts, movers, &contacts.list, &mut particles, dt);
         }
         movers.stand(dt);
     }
-    for (_, mut particles, contacts, collision, mut state) in &mut bodies {
+    let mut each = bodies.iter_many_mut(&*order);
+    while let Some((_, mut particles, contacts, collision, mut state)) = each.fetch_next() {
         undo_overlaps(&mut state.contacts, movers, &contacts.list, &mut particles, dt, collision.push_speed.max(0.0));
         for tie in &state.ties {
             if let Some(reaction) = particles.reaction.get_mut(tie.particle as usize) {

@@ -5,10 +5,12 @@ use rapier3d::dynamics::{CCDSolver, ImpulseJointSet, IntegrationParameters, Isla
 use rapier3d::geometry::{BroadPhaseBvh, ColliderSet, NarrowPhase};
 
 use crate::RapierWorld;
+use crate::movers::Reaction;
 use crate::obstacles::Obstacle;
 use crate::plugin::Surroundings;
+use crate::push::Pushing;
 
-/// The state of a [`RapierWorld`] between two steps, and what soft bodies' contacts remember of it: how its colliders moved in the last step. Put back, the steps that follow are the same as they would have been,
+/// The state of a [`RapierWorld`] between two steps, and what soft bodies' contacts remember of it: how its colliders moved in the last step, and what joints did in it to the rigid bodies that were pushed. Put back, the steps that follow are the same as they would have been,
 /// to the bit.
 ///
 /// Take it and put it back together with the bodies' `polpo::BodySnapshot`s. A game that keeps its rigid world in a way of its own puts that back instead; soft bodies that sleep then may wake, since its colliders are
@@ -29,6 +31,7 @@ pub struct RapierSnapshot {
     narrow_phase: NarrowPhase,
     ccd_solver: CCDSolver,
     obstacles: Vec<Obstacle>,
+    reactions: Vec<Reaction>,
 }
 
 impl RapierSnapshot {
@@ -46,6 +49,7 @@ impl RapierSnapshot {
             narrow_phase: rapier.narrow_phase.clone(),
             ccd_solver: rapier.ccd_solver.clone(),
             obstacles: world.get_resource::<Surroundings>()?.0.list.clone(),
+            reactions: world.get_resource::<Pushing>()?.reactions.clone(),
         })
     }
 
@@ -57,6 +61,9 @@ impl RapierSnapshot {
         let pipeline = Default::default();
         if let Some(mut surroundings) = world.get_resource_mut::<Surroundings>() {
             surroundings.0.restore(&self.obstacles, &colliders);
+        }
+        if let Some(mut pushing) = world.get_resource_mut::<Pushing>() {
+            pushing.reactions.clone_from(&self.reactions);
         }
         world.insert_resource(RapierWorld {
             bodies,

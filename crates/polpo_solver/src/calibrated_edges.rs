@@ -26,6 +26,18 @@ pub struct CalibratedEdges {
     /// Retardation time τ of the material \[s\]: its stress is E·(ε + τ·dε/dt), so a mode of frequency f is damped with the ratio π·f·τ, and slow motion not at all. Range 0 (none, the default) to
     /// infinity; negative and NaN count as 0. What takes longer than a substep to relax needs more substeps, see [`recommended_substeps`](Self::recommended_substeps).
     pub retardation: f32,
+    /// The inverse of how the ends are turned in the rest pose; empty while they are not.
+    pub(crate) rest_turn: Vec<[Quat; 2]>,
+    /// Axes, gap and contact points as the edges were made; empty until they are posed.
+    pub(crate) made: Vec<MadeEdge>,
+}
+
+/// An edge as it was made, without a rest pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MadeEdge {
+    pub(crate) frame: Quat,
+    pub(crate) rest_gap: Vec3A,
+    pub(crate) contact: [Vec3A; 2],
 }
 
 impl CalibratedEdges {
@@ -37,24 +49,22 @@ impl CalibratedEdges {
 
     /// The longest substep in which the edges, swept, are as stiff as the material says, within about 5 % in sag and frequency \[s\]. Infinite without edges.
     ///
-    /// With K = δt²·D/α, rods bend truly from K ≤ ⅔ on for the stiffest edge in bending, and a body of facets stretches truly if K ≤ 1 holds for the stretch of nine edges in ten. Retardation τ counts as
+    /// With K = δt²·D/α, rods bend truly from K ≤ ⅔ on for the stiffest edge in bending, and a body of facets deforms truly if K ≤ 1 holds for the stretch, and for the bend and twist, of nine edges in ten. Retardation τ counts as
     /// a stiffness 1 + τ/δt times as great. In one twice as long the answer is stable and means nothing.
     pub fn longest_substep(&self, particles: &Particles) -> f32 {
-        let mut ratios: Vec<f32> = Vec::with_capacity(self.pairs.len());
-        let weight = |of: &[f32], &[i, j]: &[u32; 2]| of[i as usize] + of[j as usize];
-        let limit = if self.contact.is_empty() {
+        let bend = self.bend_compliance.iter();
+        // What δt² is to be smaller than, as 1/s².
+        let stiffest = if self.contact.is_empty() {
             let inverse: Vec<f32> = particles.inertia.iter().map(|i| 1.0 / i).collect();
-            ratios.extend(self.pairs.iter().zip(&self.bend_compliance).map(|(pair, c)| weight(&inverse, pair) / c.y.min(c.z)));
-            2.0 / 3.0
+            weights(&inverse, &self.pairs).zip(bend).map(|(w, c)| 1.5 * w / c.y.min(c.z)).max_by(f32::total_cmp)
         } else {
-            ratios.extend(self.pairs.iter().zip(&self.stretch_compliance).map(|(pair, c)| weight(&particles.inverse_mass, pair) / c.x));
-            1.0
+            let stretch = weights(&particles.inverse_mass, &self.pairs).zip(&self.stretch_compliance).map(|(w, c)| w / c.x);
+            let bend = weights(&particles.inverse_inertia, &self.pairs).zip(bend).map(|(w, c)| w / c.min_element());
+            ninth_tenth(stretch).zip(ninth_tenth(bend)).map(|(stretch, bend)| stretch.max(bend))
         };
-        ratios.sort_by(f32::total_cmp);
-        let place = if self.contact.is_empty() { ratios.len() } else { (ratios.len() * 9).div_ceil(10) };
-        let Some(&stiffest) = place.checked_sub(1).and_then(|at| ratios.get(at)) else { return f32::INFINITY };
-        // δt² + τ·δt = limit/stiffest, without cancellation.
-        let target = limit / stiffest;
+        let Some(stiffest) = stiffest.filter(|s| *s > 0.0) else { return f32::INFINITY };
+        // δt² + τ·δt = 1/stiffest, without cancellation.
+        let target = 1.0 / stiffest;
         let tau = self.lag(1.0);
         2.0 * target / (tau + (tau * tau + 4.0 * target).sqrt())
     }
@@ -63,6 +73,18 @@ impl CalibratedEdges {
     pub(crate) fn lag(&self, rate: f32) -> f32 {
         if self.retardation > 0.0 { self.retardation.min(1e6) * rate } else { 0.0 }
     }
+}
+
+/// w_i + w_j of each edge.
+pub(crate) fn weights(of: &[f32], pairs: &[[u32; 2]]) -> impl Iterator<Item = f32> {
+    pairs.iter().map(|&[i, j]| of[i as usize] + of[j as usize])
+}
+
+/// The value that nine in ten do not exceed.
+pub(crate) fn ninth_tenth(values: impl Iterator<Item = f32>) -> Option<f32> {
+    let mut values: Vec<f32> = values.collect();
+    values.sort_by(f32::total_cmp);
+    (values.len() * 9).div_ceil(10).checked_sub(1).map(|at| values[at])
 }
 
 /// Solves every edge once, in a substep of `dt` \[s\].
@@ -85,6 +107,8 @@ impl CalibratedEdges {
 /// ½(θ_i + θ_j) + ⅛Φ×(θ_i − θ_j) with Φ = R·φ, and φ grows by s·Rᵀ(θ_j − θ_i)), the strains give ±f and the moments ±(a×f + s·R·λ_φ + ⅛Φ×(f×g)): they carry neither linear nor angular momentum, and
 /// all come from one energy however far an edge is bent.
 ///
+/// In a [`RestPose`](crate::RestPose) the ends' rotations since that pose take the place of q in R and p.
+///
 /// The ½D: a cold Gauss–Seidel sweep adds that much compliance on the average, and taking it off makes the answer independent of δt. With a retardation τ, C + τ·dC/dt takes the place of C and
 /// (1 + τ/δt)·D that of D, for the same reason. Stable at every δt; see [`CalibratedEdges::recommended_substeps`] for what it is worth there.
 pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles, dt: f32) {
@@ -104,6 +128,10 @@ pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles
         }
         arm_i += gap * 0.5;
         arm_j -= gap * 0.5;
+        let (qi, qj) = match edges.rest_turn.get(e) {
+            Some(&[back_i, back_j]) => (qi * back_i, qj * back_j),
+            None => (qi, qj),
+        };
         let strains = |qj: Quat| {
             let r = Mat3A::from_quat((qi + qj).normalize() * edges.frame[e]);
             let p = qj * qi.inverse();

@@ -32,6 +32,10 @@ impl EdgeStrain {
         }
         arm[0] += gap * 0.5;
         arm[1] -= gap * 0.5;
+        let (qi, qj) = match edges.rest_turn.get(e) {
+            Some(&[back_i, back_j]) => (qi * back_i.as_dquat(), qj * back_j.as_dquat()),
+            None => (qi, qj),
+        };
         let seen_as = |qj: DQuat| {
             let axes = DMat3::from_quat(((qi + qj).normalize() * edges.frame[e].as_dquat()).normalize());
             let p = qj * qi.inverse();

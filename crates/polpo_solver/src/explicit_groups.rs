@@ -185,7 +185,7 @@ impl ExplicitGroups {
             let made = this.made_offsets(g, particles);
             let start = this.shape.rows[g] as usize;
             this.shape.rest[start..start + made.len()].copy_from_slice(&made);
-            this.bodies[g].start_from(this.shape.rotation[g]);
+            this.bodies[g].start_from(this.shape.rotation[g].as_dquat());
         }
         let largest = groups.iter().map(|g| g.members.len()).max().unwrap_or(0);
         this.shape.ways = vec![Vec3A::ZERO; largest];
@@ -301,6 +301,9 @@ impl ExplicitGroups {
         for r in &mut self.shape.rest[row] {
             *r *= ratio;
         }
+        // Which shared particles make the joints follows from where they rest now, not from when it was asked last.
+        let Self { joints, bodies, shape, held, .. } = self;
+        joints.build(bodies, shape, |k| held[k].pinned);
         Ok(())
     }
 
@@ -387,7 +390,7 @@ impl ExplicitGroups {
         members.iter().map(|&i| (particles.rest_position[i as usize] - center / mass) * self.scale[g]).collect()
     }
 
-    fn count_closed(&mut self, g: usize, by: i32) {
+    pub(crate) fn count_closed(&mut self, g: usize, by: i32) {
         for k in self.row(g) {
             let closed = &mut self.membership[self.shape.members[k] as usize].closed;
             *closed = closed.saturating_add_signed(by);

@@ -50,7 +50,7 @@ impl CalibratedEdges {
         material.check()?;
         not_negative("Poisson's ratio", material.poissons_ratio)?;
         not_negative("the spin radius", spin_radius)?;
-        check(particles, facets, volumes)?;
+        check(particles, facets, volumes, material)?;
         let count = particles.len();
         // By place, so that the order in which they came does not matter.
         let rank = rank(&particles.rest_position);
@@ -104,10 +104,14 @@ impl CalibratedEdges {
             this.contact.push([facet.centroid - x(i), facet.centroid - x(j)]);
             this.rest_gap.push(Vec3A::ZERO);
             this.frame.push(projected.frame);
-            this.stretch_compliance.push(Vec3A::splat(h * (1.0 + nu) / (e * facet.area.dot(along))));
+            let stretch = h * (1.0 + nu) / (e * facet.area.dot(along));
+            this.stretch_compliance.push(Vec3A::splat(stretch));
             // About y bends what is off the axis along z.
             let bend = Vec3A::new(twist, e * projected.moments[1] / reach, e * projected.moments[0] / reach);
             this.bend_compliance.push(bend.max(Vec3A::ZERO).recip());
+            if !(bend.is_finite() && h.is_normal() && stretch.is_normal()) {
+                return Err(CalibrationError::Facet { facet: input[f as usize] as usize, what: "its numbers are too large or too small" });
+            }
         }
         for i in 0..count {
             let (sum, number) = distance[i];
@@ -124,12 +128,13 @@ impl CalibratedEdges {
     }
 }
 
-fn check(particles: &Particles, facets: &[Facet], volumes: &[f32]) -> Result<(), CalibrationError> {
+fn check(particles: &Particles, facets: &[Facet], volumes: &[f32], material: &Material) -> Result<(), CalibrationError> {
     let count = particles.len();
     if volumes.len() != count {
         return Err(CalibrationError::Volume { particle: volumes.len().min(count), count });
     }
-    if let Some(particle) = volumes.iter().position(|v| !(*v >= 0.0 && v.is_finite())) {
+    let weighs = |v: f32| (material.density * v).is_normal() && (1.0 / (material.density * v)).is_normal();
+    if let Some(particle) = volumes.iter().position(|&v| !(v == 0.0 || v > 0.0 && weighs(v))) {
         return Err(CalibrationError::Volume { particle, count });
     }
     for (at, facet) in facets.iter().enumerate() {

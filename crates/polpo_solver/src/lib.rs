@@ -36,8 +36,13 @@ mod edges;
 mod ellipsoid;
 mod ellipsoid_pair;
 mod explicit_groups;
+mod explicit_memory;
 #[cfg(test)]
 mod explicit_tests;
+#[cfg(test)]
+mod facet_bodies;
+#[cfg(test)]
+mod facet_sweep_tests;
 #[cfg(test)]
 mod facet_tests;
 mod facets;
@@ -47,6 +52,7 @@ mod integrate;
 mod joint_tests;
 mod joints;
 mod landing;
+mod limb;
 mod material;
 mod math;
 mod momentum;
@@ -93,10 +99,12 @@ pub use edges::{EdgeError, Edges};
 pub use ellipsoid::Ellipsoid;
 pub use ellipsoid_pair::{EllipsoidPair, PairGap};
 pub use explicit_groups::{Deformable, ExplicitGroup, ExplicitGroups, GroupError};
+pub use explicit_memory::GroupMemory;
 pub use facets::Facet;
 pub use groups::ImplicitGroups;
 pub use integrate::integrate;
 pub use landing::land_explicit_groups;
+pub use limb::Limb;
 pub use material::{CalibrationError, Material, Section};
 pub use math::{quat_exp, quat_log};
 pub use momentum::{Momentum, RigidFit, fit_rigid, momentum, restore_angular_momentum};

@@ -132,6 +132,9 @@ pub enum CalibrationError {
         /// How many particles have edges.
         particles: usize,
     },
+    /// Rings are swept, and not solved with the edges.
+    #[error("cells of a material with a Poisson's ratio other than 0 have rings, which cannot be solved directly; sweep them")]
+    DirectRings,
     /// There is not one volume a particle, or one is negative or not finite.
     #[error("the volume of particle {particle} of {count} is not 0 or more")]
     Volume {

@@ -288,6 +288,30 @@ impl Pairs {
         self.list.iter().any(|pair| pair.touching)
     }
 
+    /// What is remembered until the next search, besides the way out: the particles of the pairs that were near each other when they were last looked at, in the list's order, and their normals.
+    pub fn known(&self) -> impl Iterator<Item = ([u32; 2], Vec3A)> {
+        self.list.iter().filter(|pair| pair.known).map(|pair| (pair.particles, pair.normal))
+    }
+
+    /// Puts back what [`known`](Self::known) and `way_out` said. The list is then good for nothing but the next search. `known` has to be sorted by particles; what is not goes unnoticed by the search.
+    pub fn remember(&mut self, known: impl IntoIterator<Item = ([u32; 2], Vec3A)>, way_out: Option<Vec3A>) {
+        let pair = |(particles, normal)| Pair {
+            particles,
+            normal,
+            impulse: 0.0,
+            closing_speed: 0.0,
+            touching: false,
+            friction: Vec3A::ZERO,
+            reach: 0.0,
+            thickness: 0.0,
+            round: false,
+            known: true,
+        };
+        self.list.clear();
+        self.list.extend(known.into_iter().map(pair));
+        self.way_out = way_out;
+    }
+
     /// Makes the list anew from sorted `keys`; pairs that were in it keep their normals.
     fn refill(&mut self, keys: &[u64], a: &Particles, b: &Particles, offset: Vec3A) {
         core::mem::swap(&mut self.list, &mut self.before);
@@ -297,8 +321,8 @@ impl Pairs {
             let (i, j) = ((k >> 32) as u32, k as u32);
             let mut pair = Pair::new(i, j, a, b, b.position[j as usize] + offset - a.position[i as usize]);
             while old.next_if(|pair| pair.key() < k).is_some() {}
-            if let Some(then) = old.next_if(|pair| pair.key() == k) {
-                (pair.normal, pair.known) = (then.normal, then.known);
+            if let Some(then) = old.next_if(|pair| pair.key() == k).filter(|then| then.known) {
+                (pair.normal, pair.known) = (then.normal, true);
             }
             self.list.push(pair);
         }

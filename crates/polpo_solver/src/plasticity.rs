@@ -59,9 +59,12 @@ pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, pose: &R
             let made = |i| (pose.place(particles, i) - center) * size;
             group.tame(rest, made, plasticity.maximum);
             flow.resize(members.len(), Vec3A::ZERO);
-            let back = rest_rotation.get(main as usize).map_or(Quat::IDENTITY, |q| q.inverse());
-            for ((f, &r), &i) in flow[row].iter_mut().zip(&*rest).zip(group.members) {
-                *f = back * (r - made(i));
+            let turn = rest_rotation.get(main as usize).copied().unwrap_or(Quat::IDENTITY);
+            let back = turn.inverse();
+            for ((f, r), &i) in flow[row].iter_mut().zip(&mut *rest).zip(group.members) {
+                *f = back * (*r - made(i));
+                // To the bit what the pose and the flow make together, so that those two are all there is to know.
+                *r = made(i) + turn * *f;
             }
         }
     }
@@ -83,6 +86,37 @@ pub fn creep_edges(edges: &mut Edges, particles: &Particles, pose: &RestPose, pl
             *rest = (*rest + (length - *rest) * share).clamp(made * (1.0 - maximum).max(0.01), made * (1.0 + maximum));
             edges.flow.resize(edges.pairs.len(), 1.0);
             edges.flow[e] = *rest / made;
+            *rest = made * edges.flow[e];
+        }
+    }
+}
+
+impl ImplicitGroups {
+    /// What plastic flow has added to each member's place in the rest pose \[m\], in the axes that the group's main particle has there; empty while nothing has flowed.
+    pub fn flow(&self) -> &[Vec3A] {
+        &self.flow
+    }
+
+    /// Sets the [`flow`](Self::flow), to be followed by [`pose`](Self::pose). One that is neither empty nor as long as there are members, or not finite, counts as none.
+    pub fn set_flow(&mut self, flow: &[Vec3A]) {
+        self.flow.clear();
+        if flow.len() == self.members.len() && flow.iter().all(|f| f.is_finite()) {
+            self.flow.extend_from_slice(flow);
+        }
+    }
+}
+
+impl Edges {
+    /// By how much plastic flow has made each edge longer, as a factor; empty while nothing has flowed.
+    pub fn flow(&self) -> &[f32] {
+        &self.flow
+    }
+
+    /// Sets the [`flow`](Self::flow), to be followed by [`pose`](Self::pose). One that is neither empty nor as long as there are edges, or not positive and finite, counts as none.
+    pub fn set_flow(&mut self, flow: &[f32]) {
+        self.flow.clear();
+        if flow.len() == self.pairs.len() && flow.iter().all(|f| *f > 0.0 && f.is_finite()) {
+            self.flow.extend_from_slice(flow);
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use glam::{Quat, Vec3A};
 
-use crate::{Edges, ImplicitGroups, Particles};
+use crate::calibrated_edges::MadeEdge;
+use crate::{CalibratedEdges, Edges, ImplicitGroups, Particles, Rings};
 
 /// A rest pose other than the rig's. Change it from step to step, and the body works like a muscle: nothing pulls from outside, so momentum and angular momentum stay.
 ///
@@ -125,6 +126,60 @@ impl Edges {
             // Each on its own first: the product of two very short or very long ones has no length that a float holds.
             let turn = |i: u32| pose.rotation[i as usize].normalize();
             self.rest_turn.extend(self.pairs.iter().map(|&[i, j]| (turn(j).inverse() * turn(i)).normalize()));
+        }
+    }
+}
+
+impl CalibratedEdges {
+    /// Makes `pose`, which has passed its [`check`](RestPose::check), the one in which the edges have no strain. Their stiffness stays what they were made with, also where they are longer. Allocates the first
+    /// time only.
+    ///
+    /// With r the ends' rotations and d their distance in the pose, the contact points are where the ends carry them, r·s, and the edge's axes those that the mean of r carries along, turned the shortest way so
+    /// that what was the direction of d before is that of d now. A pose of places alone gives edges whose ends are not turned against each other. Ends in one place have no direction: the axes go with r.
+    pub fn pose(&mut self, particles: &Particles, pose: &RestPose) {
+        if self.made.is_empty() {
+            let contact = |e: usize| self.contact.get(e).copied().unwrap_or_default();
+            let edges = self.frame.iter().zip(&self.rest_gap).enumerate();
+            self.made = edges.map(|(e, (&frame, &rest_gap))| MadeEdge { frame, rest_gap, contact: contact(e) }).collect();
+        }
+        self.rest_turn.clear();
+        let as_made = pose.position.is_empty() && pose.size.is_empty();
+        for (e, (&[i, j], made)) in self.pairs.iter().zip(&self.made).enumerate() {
+            let size = 0.5 * (pose.size(i) + pose.size(j));
+            let turn = [i, j].map(|k| pose.rotation.get(k as usize).map_or(Quat::IDENTITY, |q| q.normalize()));
+            let contact = made.contact.map(|s| s * size);
+            if let Some(to) = self.contact.get_mut(e) {
+                *to = contact;
+            }
+            if !pose.rotation.is_empty() {
+                self.rest_turn.push(turn.map(|r| r.inverse()));
+            } else if as_made {
+                (self.frame[e], self.rest_gap[e]) = (made.frame, made.rest_gap);
+                continue;
+            }
+            let before = particles.rest_position[j as usize] - particles.rest_position[i as usize];
+            let now = (pose.place(particles, j) - pose.place(particles, i)) * size;
+            let mean = turn[0] + if turn[0].dot(turn[1]) < 0.0 { -turn[1] } else { turn[1] };
+            let mean = if mean.length_squared() > 0.0 { mean.normalize() } else { turn[0] };
+            let carried = mean * before;
+            let aligned = match (carried.try_normalize(), now.try_normalize()) {
+                (Some(a), Some(b)) => Quat::from_rotation_arc(a.into(), b.into()),
+                _ => Quat::IDENTITY,
+            };
+            self.frame[e] = (aligned * mean * made.frame).normalize();
+            let gap = now + turn[1] * contact[1] - turn[0] * contact[0];
+            self.rest_gap[e] = self.frame[e].inverse() * gap;
+        }
+    }
+}
+
+impl Rings {
+    /// Makes `pose`, which has passed its [`check`](RestPose::check), the one in which no cell is swollen or pressed: the distances to the neighbours are those in the pose.
+    pub fn pose(&mut self, particles: &Particles, pose: &RestPose) {
+        for (r, &i) in self.middle.iter().enumerate() {
+            for k in self.starts[r] as usize..self.starts[r + 1] as usize {
+                self.weight[k][1] = pose.length(particles, [i, self.around[k]]);
+            }
         }
     }
 }

@@ -29,7 +29,7 @@ pub(crate) struct RigidBody {
     pub(crate) end: Pose,
     /// ω as last written to the members \[rad/s\], and what of it `f32` could not hold.
     pub(crate) spin: Vec3A,
-    lost_spin: DVec3,
+    pub(crate) lost_spin: DVec3,
 }
 
 /// Place of the centre of mass and rotation since rest.
@@ -46,8 +46,8 @@ pub(crate) struct Held {
     pub(crate) velocity: Vec3A,
     /// What the group's rigid motion has at the member and the member has not: rounding, and at a joint the half of what the two groups differ. Added when the member is read again, so that neither
     /// rounding nor the sharing of a joint changes a group's motion.
-    lost_position: Vec3A,
-    lost_velocity: Vec3A,
+    pub(crate) lost_position: Vec3A,
+    pub(crate) lost_velocity: Vec3A,
     /// The group's part of the member's mass \[kg\].
     pub(crate) mass: f32,
     /// How many rigid groups share the member, and whether its orientation and its spin are this one's.
@@ -57,8 +57,8 @@ pub(crate) struct Held {
 }
 
 impl RigidBody {
-    pub(crate) fn start_from(&mut self, rotation: Quat) {
-        self.end.rotation = rotation.as_dquat();
+    pub(crate) fn start_from(&mut self, rotation: DQuat) {
+        self.end.rotation = rotation;
         self.start.rotation = self.end.rotation;
     }
 
@@ -188,18 +188,24 @@ fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
     for g in 0..groups.len() {
         let acting = groups.is_rigid(g, dt);
         same &= acting == groups.bodies[g].acting;
+        if acting && !groups.bodies[g].acting {
+            groups.bodies[g].start_from(groups.shape.rotation[g].as_dquat());
+        }
         groups.bodies[g].acting = acting;
         for k in groups.row(g) {
             let i = groups.shape.members[k] as usize;
             let pinned = [particles.inverse_mass[i] == 0.0, particles.inverse_inertia[i] == 0.0];
-            let held = &mut groups.held[k];
+            let held = &groups.held[k];
             same &= held.pinned == pinned && (!acting || held.mass == particles.mass[i] / held.sharers.max(1) as f32);
-            held.pinned = pinned;
         }
     }
-    if same {
-        return;
+    if !same {
+        share_out(groups, particles);
     }
+}
+
+/// Finds out who shares which particle, and makes the joints of the groups that act.
+pub(crate) fn share_out(groups: &mut ExplicitGroups, particles: &Particles) {
     groups.revision = groups.revision.wrapping_add(1);
     let mut sharers = core::mem::take(&mut groups.sharers);
     sharers.clear();
@@ -215,6 +221,7 @@ fn refresh(groups: &mut ExplicitGroups, particles: &Particles, dt: f32) {
         for k in groups.row(g) {
             let i = groups.shape.members[k] as usize;
             let h = &mut groups.held[k];
+            h.pinned = [particles.inverse_mass[i] == 0.0, particles.inverse_inertia[i] == 0.0];
             (h.lost_position, h.lost_velocity) = (Vec3A::ZERO, Vec3A::ZERO);
             h.sharers = sharers[i];
             h.mass = particles.mass[i] / sharers[i].max(1) as f32;

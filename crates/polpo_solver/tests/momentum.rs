@@ -360,7 +360,8 @@ proptest! {
             solve_pairs(&mut found, &mut sides, &rules, pass);
         }
         let [linear, angular] = off(before, both(&a, &b), scale);
-        prop_assert!(linear < 3e-7 && angular < 1e-6, "P off by {linear:.1e}, L by {angular:.1e}");
+        let tolerance = if found.way_out.is_some() { 1e-6 } else { 3e-7 };
+        prop_assert!(linear < 3e-7 && angular < tolerance, "P off by {linear:.1e}, L by {angular:.1e}");
     }
 }
 

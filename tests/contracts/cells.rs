@@ -1,0 +1,183 @@
+//! Bodies in cells: as stiff as their material in the whole step of the plugin, from what a rigger knows.
+
+use bevy::math::{Mat3A, Vec3A};
+use bevy::prelude::*;
+use polpo::prelude::*;
+use polpo::{
+    CalibratedEdges, CapabilityError, CapabilityRejected, Cells, Edges, Facet, Limb, Material, Particles, RodFidelity, RodShape, RodSolve,
+    Rods, Section,
+};
+use polpo_rig::{MeshHash, Particle, Rig};
+use polpo_tests::{simulation, steps};
+
+const DENSITY: f32 = 1000.0;
+
+/// A bar of 1 m and `across` cells, along x, in cubes of `size`, on a wall at x = 0, and the rig with it: cells first, then the walls, one a cell that touches.
+fn bar(across: u32, size: f32) -> (Rig, Cells) {
+    let long = (1.0 / size).round() as u32;
+    let cell = |x: u32, y: u32, z: u32| (x * across + y) * across + z;
+    let face = |pair: [u32; 2], centroid: Vec3, normal: Vec3| {
+        let (area, moment) = (size * size, size.powi(4) / 12.0);
+        let across = (Vec3::ONE - normal.abs()) * moment;
+        Facet { pair, area: (normal * area).into(), centroid: centroid.into(), moments: Mat3A::from_diagonal(across) }
+    };
+    let mut cells = Cells::default();
+    let mut places = Vec::new();
+    for x in 0..long {
+        for y in 0..across {
+            for z in 0..across {
+                let place = (Vec3::new(x as f32, y as f32, z as f32) + 0.5) * size;
+                for (next, normal) in [(x + 1 < long, Vec3::X), (y + 1 < across, Vec3::Y), (z + 1 < across, Vec3::Z)] {
+                    if next {
+                        let step = normal.as_uvec3();
+                        let pair = [cell(x, y, z), cell(x + step.x, y + step.y, z + step.z)];
+                        cells.facets.push(face(pair, place + normal * (0.5 * size), normal));
+                    }
+                }
+                places.push(place);
+            }
+        }
+    }
+    cells.volumes = vec![size.powi(3); places.len()];
+    for i in 0..across * across {
+        let place = places[i as usize] * (Vec3::ONE - Vec3::X);
+        cells.facets.push(face([i, places.len() as u32], place, Vec3::NEG_X));
+        places.push(place);
+        cells.volumes.push(0.0);
+    }
+    let particle = |&position: &Vec3| Particle { position, frame: Quat::IDENTITY, radii: Vec3::splat(0.3 * size), mass: 0.5 };
+    let mut edges: Vec<[u32; 2]> = cells.facets.iter().map(|f| f.pair).collect();
+    edges.sort_unstable();
+    (Rig { mesh_hash: MeshHash(0), particles: places.iter().map(particle).collect(), edges, skin: vec![] }, cells)
+}
+
+fn rubber(poissons_ratio: f32) -> Material {
+    Material { youngs_modulus: 1e7, poissons_ratio, density: DENSITY }
+}
+
+fn place(app: &App, body: Entity, i: usize) -> Vec3 {
+    app.world().get::<Transform>(body).unwrap().translation + Vec3::from(app.world().get::<Particles>(body).unwrap().position[i])
+}
+
+/// How far the last cells of a bar of `across`² cells of `size` sag under their weight, as a part of what Timoshenko says, and how many substeps the edges asked for and had.
+fn sag(across: u32, size: f32, rods: impl Fn(Cells) -> Rods, substeps: Option<u32>) -> (f32, u32) {
+    let mut app = simulation();
+    let (rig, cells) = bar(across, size);
+    let (count, walls) = ((cells.volumes.len() as u32) - across * across, across * across);
+    let rods = rods(cells);
+    let material = rods.material;
+    let body = app.world_mut().spawn((SoftBody::new(rig), rods, Damping { drag: 4.0, internal: 0.0 })).id();
+    app.world_mut().entity_mut(body).remove::<(Collision, BodyContact)>();
+    let list = (count..count + walls).map(|i| Pin::at(i, place(&app, body, i as usize)).clamped()).collect();
+    let ends: Vec<usize> = ((count - walls) as usize..count as usize).collect();
+    let height = |app: &App| ends.iter().map(|&i| place(app, body, i).y).sum::<f32>() / ends.len() as f32;
+    let start = height(&app);
+    app.world_mut().entity_mut(body).insert(Pins { list });
+    steps(&mut app, 1);
+    let needed = app.world().get::<CalibratedEdges>(body).unwrap().substeps_needed();
+    app.insert_resource(SolverSettings { substeps: substeps.unwrap_or(needed), iterations: 2 });
+    steps(&mut app, 240);
+    assert_eq!(app.world().get::<CalibratedEdges>(body).unwrap().fidelity(), RodFidelity::True);
+    assert!(app.world().get::<Edges>(body).unwrap().is_empty(), "what the rig had between the cells is not theirs");
+    let (a, x) = (across as f32 * size, 1.0 - 0.5 * size);
+    let load = DENSITY * 9.81;
+    let bend = load * 12.0 / (24.0 * material.youngs_modulus * a * a) * x * x * (6.0 - 4.0 * x + x * x);
+    let exact = bend + load * 1.2 / material.shear_modulus() * (x - 0.5 * x * x);
+    ((start - height(&app)) / exact - 1.0, needed)
+}
+
+/// With as many substeps as the edges ask for, which alone are good for two or three per cent.
+#[test]
+fn a_bar_of_cells_sags_by_its_weight() {
+    for (across, size, nu, most) in [(1, 0.1, 0.0, 0.03), (2, 0.1, 0.0, 0.03), (2, 0.1, 0.3, 0.03)] {
+        let (error, needed) = sag(across, size, |cells| Rods::of_cells(rubber(nu), cells), None);
+        println!("{across}² cells of {size} m, nu {nu}: sag {:+.1} % with {needed} substeps", 100.0 * error);
+        assert!(error.abs() < most && needed > 10, "{across}: {error} with {needed}");
+    }
+}
+
+/// A material without Poisson's ratio has no rings, and one substep is enough.
+#[test]
+fn cells_without_rings_are_solved_directly() {
+    let direct = |cells| Rods { solve: RodSolve::Direct, ..Rods::of_cells(rubber(0.0), cells) };
+    let (error, needed) = sag(2, 0.1, direct, Some(1));
+    println!("direct: sag {:+.1} %", 100.0 * error);
+    assert!(error.abs() < 0.02 && needed == 1, "{error} with {needed}");
+}
+
+#[test]
+fn a_limb_of_cells_takes_fewer_substeps() {
+    let spin = RodSolve::Sweep { spin_radius: 0.12 };
+    let whole = |cells| Rods { solve: spin, ..Rods::of_cells(rubber(0.3), cells) };
+    let limb = |cells| {
+        let limb = Some(Limb { axis: Vec3A::X, section: Section::square(0.1) });
+        Rods { solve: spin, ..Rods::of_cells(rubber(0.3), Cells { limb, ..cells }) }
+    };
+    let ((_, all), (error, few)) = (sag(2, 0.05, whole, None), sag(2, 0.05, limb, None));
+    println!("limb: sag {:+.1} % with {few} substeps of {all}", 100.0 * error);
+    assert!(error.abs() < 0.08 && few * 2 < all, "{error} with {few} of {all}");
+}
+
+/// Cells in one part, the paper's groups in another; and all as it was when the rods are gone.
+#[test]
+fn cells_weigh_what_their_volume_says() {
+    let (mut rig, cells) = bar(1, 0.25);
+    let last = rig.particles.len() as u32;
+    rig.particles.push(Particle { position: Vec3::new(1.2, 0.0, 0.0), ..rig.particles[0] });
+    rig.edges.push([3, last]);
+    rig.edges.sort_unstable();
+    let cells = Cells { volumes: [cells.volumes, vec![0.0]].concat(), ..cells };
+    let mut app = simulation();
+    let body = app.world_mut().spawn((SoftBody::new(rig.clone()), Rods::of_cells(rubber(0.3), cells))).id();
+    steps(&mut app, 2);
+    let masses = |app: &App| app.world().get::<Particles>(body).unwrap().mass.clone();
+    let cell = DENSITY * 0.25f32.powi(3);
+    assert_eq!(masses(&app), [cell, cell, cell, cell, 0.5, 0.5]);
+    assert_eq!(app.world().get::<Edges>(body).unwrap().pairs, [[3, last]]);
+    app.world_mut().entity_mut(body).remove::<Rods>();
+    steps(&mut app, 2);
+    assert_eq!(masses(&app), [0.5; 6]);
+    assert_eq!(app.world().get::<Edges>(body).unwrap().len(), rig.edges.len());
+}
+
+#[test]
+fn bad_cells_are_refused_by_name() {
+    #[derive(Resource, Default)]
+    struct Told(Vec<String>);
+    let (rig, cells) = bar(1, 0.25);
+    let bad = |change: &dyn Fn(&mut Rods, &mut Cells)| {
+        let (mut rods, mut cells) = (Rods::of_cells(rubber(0.3), cells.clone()), cells.clone());
+        change(&mut rods, &mut cells);
+        rods.shape = RodShape::Cells(cells);
+        rods
+    };
+    let flat = Limb { axis: Vec3A::ZERO, section: Section::square(0.25) };
+    for (rods, reason) in [
+        (bad(&|_, c| c.volumes.truncate(3)), "the volume of particle 3 of 5 is not 0 or more"),
+        (bad(&|_, c| c.volumes[1] = f32::NAN), "the volume of particle 1 of 5 is not 0 or more"),
+        (bad(&|_, c| c.facets[1].pair[1] = 77), "facet 1: 1 and 77 are not two of 5 particles"),
+        (bad(&|_, c| c.facets[2].area = Vec3A::ZERO), "facet 2: it does not face from its first particle to its second"),
+        (bad(&|_, c| c.facets[2].area *= 1e38), "facet 2: its numbers are too large or too small"),
+        (bad(&|_, c| c.limb = Some(flat)), "the length of the limb's axis is 0, not positive and normal"),
+        (bad(&|r, _| r.material.poissons_ratio = -0.1), "Poisson's ratio is -0.1, not 0 or more"),
+        (bad(&|r, _| r.solve = RodSolve::Sweep { spin_radius: -1.0 }), "the spin radius is -1, not 0 or more"),
+        (
+            bad(&|r, _| r.solve = RodSolve::Direct),
+            "cells of a material with a Poisson's ratio other than 0 have rings, which cannot be solved directly; sweep them",
+        ),
+    ] {
+        let mut app = simulation();
+        app.init_resource::<Told>().add_observer(|event: On<CapabilityRejected>, mut told: ResMut<Told>| {
+            assert!(matches!(event.reason, CapabilityError::Calibration(_)));
+            told.0.push(format!("{}: {}", event.component, event.reason));
+        });
+        let body = app.world_mut().spawn((SoftBody::new(rig.clone()), rods)).id();
+        steps(&mut app, 10);
+        assert_eq!(app.world().resource::<Told>().0, [format!("Rods: {reason}")]);
+        let entity = app.world().entity(body);
+        assert!(!entity.contains::<Rods>() && !entity.contains::<CalibratedEdges>());
+        assert_eq!(entity.get::<Edges>().unwrap().len(), rig.edges.len(), "its edges are the paper's");
+        let particles = entity.get::<Particles>().unwrap();
+        assert!(particles.is_finite() && particles.mass.iter().all(|m| *m == 0.5), "and its masses the rig's");
+    }
+}

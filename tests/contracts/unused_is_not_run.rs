@@ -123,7 +123,7 @@ fn each_component_brings_its_own_systems_and_no_others() {
     let expected = [
         ("AirDrag", 1),
         ("BodyContact", 2),
-        ("Collision", 4),
+        ("Collision", 3),
         ("Damping", 1),
         ("DistanceConstraints", 1),
         ("ExplicitGroups", 5),

@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo_solver::{Bounds, BroadPhase, PAIR_PASSES, PairFinder, PairRules, Pairs, Sides, Support, solve_pairs, swept_bounds};
+use polpo_solver::{Bounds, BroadPhase, PAIR_PASSES, PairFinder, PairRules, Pairs, Sides, solve_pairs, swept_bounds};
 use serde::{Deserialize, Serialize};
 
 use crate::recall::{KnownPair, are_known_pairs, is_direction};
@@ -36,7 +36,7 @@ impl Default for BodyContact {
 pub struct BodyPair {
     bodies: [Entity; 2],
     pairs: Pairs,
-    support: [Support; 2],
+    support: [Vec<Vec3A>; 2],
 }
 
 impl BodyPair {
@@ -228,8 +228,8 @@ pub(crate) fn solve_body_pairs(
             let offset = Vec3A::from(place_b.translation - place_a.translation);
             let BodyPair { pairs, support, .. } = pair;
             if pass == 0 {
-                note_support(planes_a, a, &mut support[0]);
-                note_support(planes_b, b, &mut support[1]);
+                note_support(planes_a, a, time.delta, &mut support[0]);
+                note_support(planes_b, b, time.delta, &mut support[1]);
             }
             let mut sides = Sides::Between { first: a, second: b, offset, held: [held_a, held_b], support: [&support[0], &support[1]] };
             solve_pairs(pairs, &mut sides, &rules, pass);

@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 
 use crate::particles::{Awake, for_each_body};
-use crate::{BodyPairs, Particles, SelfPairs, SubstepTime};
+use crate::{Particles, SubstepTime};
 
 /// How a body meets colliders. Comes with every [`SoftBody`](crate::SoftBody).
 ///
@@ -44,36 +44,12 @@ pub(crate) fn forget_planes(remove: On<Remove, Collision>, mut bodies: Query<(&m
     }
 }
 
-/// In phase `SolveContacts`, first: what lies on a collider and may touch other particles is borne before those push it.
-pub(crate) fn bear_contacts(
-    time: Res<SubstepTime>,
-    between: Res<BodyPairs>,
-    mut meeting: Local<Vec<Entity>>,
-    mut bodies: Query<(Entity, &mut Particles, &mut Contacts, &Collision, Option<&SelfPairs>), Awake>,
-) {
-    meeting.clear();
-    meeting.extend(between.iter().filter(|pair| !pair.pairs().is_empty()).flat_map(|pair| pair.bodies()));
-    meeting.sort_unstable();
-    let meeting = &*meeting;
-    for_each_body(
-        &mut bodies,
-        |(_, _, contacts, ..)| 60 * contacts.list.len(),
-        |(entity, mut particles, mut contacts, collision, own)| {
-            polpo_solver::begin_contacts(&mut contacts, time.delta);
-            if own.is_some_and(|own| !own.pairs().is_empty()) || meeting.binary_search(&entity).is_ok() {
-                polpo_solver::sweep_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed.max(0.0));
-            }
-        },
-    );
-}
-
-/// In phase `SolveContacts`, last but for rigid bodies that give way.
 pub(crate) fn solve_contacts(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut Contacts, &Collision), Awake>) {
     for_each_body(
         &mut bodies,
         |(_, contacts, _)| 60 * contacts.list.len(),
         |(mut particles, mut contacts, collision)| {
-            polpo_solver::sweep_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed.max(0.0));
+            polpo_solver::solve_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed.max(0.0));
         },
     );
 }

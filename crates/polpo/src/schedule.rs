@@ -192,7 +192,6 @@ impl Plugin for PolpoPlugin {
                         .in_set(PolpoSystems::SolveConstraints),
                     (
                         explicit_groups::strike_explicit,
-                        collision::bear_contacts,
                         self_contact::solve_self_pairs,
                         body_contact::solve_body_pairs,
                         explicit_groups::strike_by_pairs,

@@ -1,7 +1,8 @@
 //! Self-contact: a body does not pass through itself.
 
+use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Sides, Support, solve_pairs};
+use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Sides, find_support, solve_pairs};
 
 use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
@@ -35,7 +36,7 @@ pub struct SelfPairs {
     resting: RestPairs,
     /// Scratch memory of its own, so that bodies can be worked on side by side.
     finder: PairFinder,
-    support: Support,
+    support: Vec<Vec3A>,
 }
 
 impl SelfPairs {
@@ -98,7 +99,7 @@ pub(crate) fn solve_self_pairs(
         |(mut particles, mut own, contact, contacts)| {
             let rules = PairRules { dt, friction: contact.friction, push_speed: contact.push_speed };
             let SelfPairs { pairs, support, .. } = &mut *own;
-            note_support(contacts, &particles, support);
+            note_support(contacts, &particles, dt, support);
             let mut sides = Sides::Within { particles: &mut particles.0, support };
             for pass in 0..PAIR_PASSES {
                 solve_pairs(pairs, &mut sides, &rules, pass);
@@ -108,9 +109,9 @@ pub(crate) fn solve_self_pairs(
 }
 
 /// Which particles lie on a collider, if the body meets any.
-pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, support: &mut Support) {
+pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, dt: f32, support: &mut Vec<Vec3A>) {
     match contacts {
-        Some(contacts) => support.find(contacts, particles),
+        Some(contacts) => find_support(contacts, particles, dt, support),
         None => support.clear(),
     }
 }

@@ -120,10 +120,10 @@ pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_expl
 pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
-pub use solve_contacts::{begin_contacts, solve_contacts, sweep_contacts};
+pub use solve_contacts::solve_contacts;
 pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
-pub use support::Support;
+pub use support::find_support;
 pub use ties::{Tie, solve_ties};
 pub use torsion::solve_torsion;
 pub use wind::blow;

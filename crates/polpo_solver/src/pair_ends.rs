@@ -5,10 +5,13 @@ use glam::{Quat, Vec3A};
 use crate::Sides;
 use crate::pairs::Pair;
 use crate::shape_matching::turned;
-use crate::support::Freedom;
 
 /// No contact turns a particle by more than this in one go \[rad\], see [`solve_contacts`](crate::solve_contacts).
 const LARGEST_TURN: f32 = 0.5;
+
+/// Only from something heavier by this factor is a particle on a collider taken for immovable: lighter ones are thrown to and fro little, and then momentum need not go to the collider. In heaps of bodies alike it would make
+/// the heap tremble.
+const CRUSHING: f32 = 80.0;
 
 /// A particle while a pair is solved, in the first body's coordinates.
 pub(crate) struct End {
@@ -19,16 +22,15 @@ pub(crate) struct End {
     /// Inverse mass and inverse inertia.
     pub(crate) w: [f32; 2],
     inertia: f32,
-    freedom: Freedom,
 }
 
 impl End {
-    /// `push` is where the pair presses it.
-    fn new(sides: &Sides, k: usize, i: usize, push: Vec3A, friction: f32) -> Self {
+    /// `push` is where the pair presses it, `by` the mass \[kg\] of what does.
+    fn new(sides: &Sides, k: usize, i: usize, push: Vec3A, by: f32) -> Self {
         let (p, origin, held) = sides.side(k);
         let free = if held { 0.0 } else { 1.0 };
-        let freedom = if held { Freedom::None } else { sides.support(k).freedom(i, push, friction) };
-        let yields = if freedom == Freedom::None { 0.0 } else { 1.0 };
+        let crushed = by > CRUSHING * p.mass[i] && sides.is_supported(k, i, push);
+        let yields = if held || crushed { 0.0 } else { 1.0 };
         Self {
             x: p.position[i] + origin,
             v: p.velocity[i] * free,
@@ -36,13 +38,7 @@ impl End {
             spin: p.angular_velocity[i] * free,
             w: [p.inverse_mass[i] * yields, p.inverse_inertia[i] * yields],
             inertia: p.inertia[i],
-            freedom,
         }
-    }
-
-    /// How far an impulse moves it \[m\].
-    fn moved(&self, impulse: Vec3A) -> Vec3A {
-        self.freedom.of(impulse) * self.w[0]
     }
 
     fn store(self, sides: &mut Sides, k: usize, i: usize) {
@@ -67,9 +63,10 @@ pub(crate) struct Ends {
 
 impl Ends {
     /// The two of a pair that touch along the normal at the point, from the first's centre.
-    pub(crate) fn new(pair: &Pair, sides: &Sides, [normal, point]: [Vec3A; 2], friction: f32) -> Self {
+    pub(crate) fn new(pair: &Pair, sides: &Sides, [normal, point]: [Vec3A; 2]) -> Self {
         let [i, j] = pair.particles.map(|i| i as usize);
-        let ends = [End::new(sides, 0, i, -normal, friction), End::new(sides, 1, j, normal, friction)];
+        let mass = [sides.side(0).0.mass[i], sides.side(1).0.mass[j]];
+        let ends = [End::new(sides, 0, i, -normal, mass[1]), End::new(sides, 1, j, normal, mass[0])];
         Self { point: ends[0].x + point, speed2: (ends[1].v - ends[0].v).length_squared(), ends, added: Vec3A::ZERO }
     }
 
@@ -86,7 +83,7 @@ impl Ends {
     /// W along the unit vector `n`: how far apart an impulse of one moves the two at the point where they touch.
     pub(crate) fn yielding(&self, n: Vec3A) -> f32 {
         let arms = self.arms();
-        (0..2).map(|k| n.dot(self.ends[k].moved(n)) + self.ends[k].w[1] * arms[k].cross(n).length_squared()).sum()
+        (0..2).map(|k| self.ends[k].w[0] + self.ends[k].w[1] * arms[k].cross(n).length_squared()).sum()
     }
 
     /// The velocity of the second past the first where they touch \[m/s\].
@@ -105,7 +102,7 @@ impl Ends {
         for (k, sign) in [(0, -1.0), (1, 1.0)] {
             let end = &mut self.ends[k];
             let angle = arms[k].cross(impulse * sign) * end.w[1];
-            end.v += end.moved(impulse * sign) / dt;
+            end.v += impulse * (sign * end.w[0] / dt);
             end.spin += angle / dt;
             end.q = turned(end.q, angle);
         }
@@ -115,17 +112,17 @@ impl Ends {
 
     /// Moves the second by `way` \[m\] from the first, by their masses, and leaves the velocities alone.
     pub(crate) fn part(&mut self, way: Vec3A) {
-        let sum: f32 = self.ends.iter().map(|end| way.dot(end.moved(way))).sum();
+        let sum = self.ends[0].w[0] + self.ends[1].w[0];
         if sum > 0.0 {
-            self.displace(way * (way.length_squared() / sum));
+            self.displace(way / sum);
         }
     }
 
     fn displace(&mut self, impulse: Vec3A) {
         let [a, b] = &mut self.ends;
         self.added += impulse.cross(b.v - a.v);
-        a.x -= a.moved(impulse);
-        b.x += b.moved(impulse);
+        a.x -= impulse * a.w[0];
+        b.x += impulse * b.w[0];
     }
 
     /// Takes the angular momentum back that moving has added: an impulse j across the line of centres D with D×j = −added, and equal spins for what is left along D.
@@ -135,8 +132,7 @@ impl Ends {
     pub(crate) fn settle(&mut self) {
         let added = self.added;
         let [a, b] = &mut self.ends;
-        let bears = |end: &End| end.w[0] == 0.0 || end.freedom != Freedom::All;
-        if bears(a) || bears(b) || added == Vec3A::ZERO {
+        if a.w[0] == 0.0 || b.w[0] == 0.0 || added == Vec3A::ZERO {
             return;
         }
         let (sum, d) = (a.w[0] + b.w[0], b.x - a.x);

@@ -25,7 +25,7 @@ fn find(p: &Particles, dt: f32) -> Pairs {
 
 fn solve(pairs: &mut Pairs, p: &mut Particles, rules: &PairRules) {
     for pass in 0..PAIR_PASSES {
-        solve_pairs(pairs, &mut Sides::Within { particles: p, support: &Support::default() }, rules, pass);
+        solve_pairs(pairs, &mut Sides::Within { particles: p, support: &[] }, rules, pass);
     }
 }
 
@@ -92,34 +92,28 @@ fn momentum_is_kept_and_no_energy_made() {
     assert!(gained[0] < 5e-3 && gained[1] < 0.01, "{gained:?}");
 }
 
-/// Forty particles in a heap, three seconds of it, eight times: what rounding does to L differs by a factor of two from one to the next.
+/// Forty particles in a heap, three seconds of it.
 #[test]
 fn a_heap_of_particles_keeps_its_momentum() {
-    const HEAPS: u64 = 8;
-    let mut mean = 0.0;
-    for seed in 9..9 + HEAPS {
-        let mut random = Random(seed);
-        let mut p = random_body(&mut random, 40, 1.0);
-        let before = momentum(&p);
-        let mut pairs = Pairs::default();
-        let mut energy = before.kinetic_energy;
-        let origin = |m: &Momentum| m.angular + m.center.cross(m.linear);
-        for _ in 0..900 {
-            step(&mut p, &mut pairs, Vec3A::ZERO, 0.3, 1.0 / 300.0);
-            let now = momentum(&p).kinetic_energy;
-            assert!(now < energy * (1.0 + 1e-5), "{now} J after {energy} J");
-            energy = now;
-        }
-        let after = momentum(&p);
-        let size: f32 = (0..40).map(|i| p.mass[i] * 3.0).sum();
-        let (linear, angular) = (before.linear.distance(after.linear) / size, origin(&before).distance(origin(&after)) / size);
-        println!("P off by {linear:.1e}, L by {angular:.1e}; {:.2} of the energy left", energy / before.kinetic_energy);
-        mean += angular / HEAPS as f32;
-        assert!(linear < 1e-6);
-        assert!(energy < 0.9 * before.kinetic_energy, "they did not meet");
+    let mut random = Random(9);
+    let mut p = random_body(&mut random, 40, 1.0);
+    let before = momentum(&p);
+    let mut pairs = Pairs::default();
+    let mut energy = before.kinetic_energy;
+    let origin = |m: &Momentum| m.angular + m.center.cross(m.linear);
+    for _ in 0..900 {
+        step(&mut p, &mut pairs, Vec3A::ZERO, 0.3, 1.0 / 300.0);
+        let now = momentum(&p).kinetic_energy;
+        assert!(now < energy * (1.0 + 1e-5), "{now} J after {energy} J");
+        energy = now;
     }
+    let after = momentum(&p);
+    let size: f32 = (0..40).map(|i| p.mass[i] * 3.0).sum();
+    let (linear, angular) = (before.linear.distance(after.linear) / size, origin(&before).distance(origin(&after)) / size);
+    println!("P off by {linear:.1e}, L by {angular:.1e}; {:.2} of the energy left", energy / before.kinetic_energy);
     // Nine hundred substeps of dozens of pairs, each off by the rounding of `f32`.
-    assert!(mean < 1e-5, "{mean}");
+    assert!(linear < 1e-6 && angular < 1e-5);
+    assert!(energy < 0.9 * before.kinetic_energy, "they did not meet");
 }
 
 /// Of two balls that meet, the heavier carries the lighter along: no bounce, P kept.
@@ -287,13 +281,7 @@ fn what_is_pinned_or_held_is_not_moved() {
     let still = a.clone();
     a.velocity[0] = Vec3A::Y * 7.0;
     for pass in 0..PAIR_PASSES {
-        let mut sides = Sides::Between {
-            first: &mut a,
-            second: &mut b,
-            offset,
-            held: [true, false],
-            support: [&Support::default(), &Support::default()],
-        };
+        let mut sides = Sides::Between { first: &mut a, second: &mut b, offset, held: [true, false], support: [&[]; 2] };
         solve_pairs(&mut pairs, &mut sides, &PairRules { dt: 0.01, friction: 0.5, push_speed: 3.0 }, pass);
     }
     assert_eq!(a.position, still.position);
@@ -403,20 +391,18 @@ fn what_lies_on_the_ground_bears_what_lies_on_it() {
             angular_velocity: Vec3A::ZERO,
             impulse: 0.0,
         };
-        let (mut contacts, mut pairs, mut support) = (Contacts { list: vec![plane] }, Pairs::default(), Support::default());
+        let (mut contacts, mut pairs, mut support) = (Contacts { list: vec![plane] }, Pairs::default(), Vec::new());
         for _ in 0..600 {
             PairFinder::default().find_within(&p, &RestPairs::default(), &search(dt), &mut pairs);
             predict(&mut p, G, dt);
-            begin_contacts(&mut contacts, dt);
-            sweep_contacts(&mut contacts, &mut p, dt, 3.0);
             if knows {
-                support.find(&contacts, &p);
+                find_support(&contacts, &p, dt, &mut support);
             }
             for pass in 0..PAIR_PASSES {
                 let mut sides = Sides::Within { particles: &mut p, support: &support };
                 solve_pairs(&mut pairs, &mut sides, &PairRules { dt, friction: 0.5, push_speed: 3.0 }, pass);
             }
-            sweep_contacts(&mut contacts, &mut p, dt, 3.0);
+            solve_contacts(&mut contacts, &mut p, dt, 3.0);
             integrate(&mut p, dt, 0.0);
         }
         // How far the heavy one has come down, since one that is through has a gap again.
@@ -424,75 +410,4 @@ fn what_lies_on_the_ground_bears_what_lies_on_it() {
     };
     let (knowing, blind) = (depth(true), depth(false));
     assert!(knowing < 1e-3 && blind > 0.1, "{knowing} m against {blind} m");
-}
-
-/// Balls over a floor at height 0, by the contacts of a scene's step: colliders, pairs, colliders.
-struct Heap {
-    p: Particles,
-    contacts: Contacts,
-    pairs: Pairs,
-    support: Support,
-    dt: f32,
-}
-
-impl Heap {
-    fn new(balls: &[(Vec3A, Vec3A, f32)], dt: f32) -> Self {
-        let p = body(balls);
-        let (friction, normal, zero) = (0.6, Vec3A::Y, Vec3A::ZERO);
-        let plane = |particle| Contact { particle, friction, point: zero, normal, velocity: zero, angular_velocity: zero, impulse: 0.0 };
-        let contacts = Contacts { list: (0..p.len() as u32).map(plane).collect() };
-        Self { p, contacts, pairs: Pairs::default(), support: Support::default(), dt }
-    }
-
-    /// Runs so many seconds; of the last of them the fastest velocity and the fastest that a particle goes from step to step \[m/s\], and the deepest overlap with the first one at the end \[m\].
-    fn settle(&mut self, seconds: f32, pull: impl Fn(usize) -> Vec3A) -> [f32; 3] {
-        let [mut fastest, mut way] = [0.0f32; 2];
-        let mut time = 0.0;
-        while time < seconds {
-            time += self.dt;
-            let before = self.p.position.clone();
-            for i in 0..self.p.len() {
-                self.p.velocity[i] += pull(i) * self.dt;
-            }
-            self.step(Vec3A::ZERO);
-            if time > seconds - 1.0 {
-                fastest = self.p.velocity.iter().fold(fastest, |f, v| f.max(v.length()));
-                way = before.iter().zip(&self.p.position).fold(way, |w, (x, y)| w.max(x.distance(*y) / self.dt));
-            }
-        }
-        [fastest, way, (1..self.p.len()).map(|i| -gap(&self.p, 0, i)).fold(0.0, f32::max)]
-    }
-
-    fn step(&mut self, gravity: Vec3A) {
-        let Self { p, contacts, pairs, support, dt } = self;
-        let dt = *dt;
-        PairFinder::default().find_within(p, &RestPairs::default(), &search(dt), pairs);
-        predict(p, gravity, dt);
-        begin_contacts(contacts, dt);
-        sweep_contacts(contacts, p, dt, 3.0);
-        support.find(contacts, p);
-        for pass in 0..PAIR_PASSES {
-            solve_pairs(pairs, &mut Sides::Within { particles: p, support }, &PairRules { dt, friction: 0.6, push_speed: 3.0 }, pass);
-        }
-        sweep_contacts(contacts, p, dt, 3.0);
-        integrate(p, dt, 0.0);
-    }
-}
-
-/// Ten grams on the floor bear two balls of up to a hundred kilograms, one above the other, whatever the ratio: all are still, and the overlap is what gravity adds before an old one is undone, within 1/60 s.
-#[test]
-fn a_light_particle_under_heavy_ones_bears_them() {
-    for ratio in [1.0, 10.0, 100.0, 1e4] {
-        for rate in [60.0, 300.0] {
-            let dt = 1.0 / rate;
-            let ball = |y: f32, radius: f32, mass: f32| (Vec3A::Y * y, Vec3A::splat(radius), mass);
-            let mut heap = Heap::new(&[ball(0.02, 0.02, 0.01), ball(0.09, 0.05, 0.01 * ratio), ball(0.19, 0.05, 0.01 * ratio)], dt);
-            let [fastest, way, depth] = heap.settle(4.0, |_| G);
-            println!("1:{ratio} at {rate} Hz: {fastest:.1e} m/s, goes at {way:.1e} m/s, {depth:.1e} m deep");
-            assert!(
-                fastest < 2.0 * 9.81 * dt && way < 1e-4 && depth < 9.81 * dt * (dt + 1.0 / 60.0),
-                "{fastest} m/s, {way} m/s, {depth} m"
-            );
-        }
-    }
 }

@@ -17,12 +17,6 @@ use crate::{Contact, Contacts, Particles};
 ///
 /// Degenerate: a contact of a particle that does not exist is skipped.
 pub fn solve_contacts(contacts: &mut Contacts, particles: &mut Particles, dt: f32, push_speed: f32) {
-    begin_contacts(contacts, dt);
-    sweep_contacts(contacts, particles, dt, push_speed);
-}
-
-/// The first half of [`solve_contacts`]: carries the planes on to the end of a substep of `dt` \[s\] and forgets their impulses.
-pub fn begin_contacts(contacts: &mut Contacts, dt: f32) {
     for contact in &mut contacts.list {
         contact.point += contact.velocity * dt;
         if contact.angular_velocity != Vec3A::ZERO {
@@ -30,10 +24,6 @@ pub fn begin_contacts(contacts: &mut Contacts, dt: f32) {
         }
         contact.impulse = 0.0;
     }
-}
-
-/// The second half of [`solve_contacts`]. May be done again in a substep, when something else has pressed particles into the planes; impulses add up.
-pub fn sweep_contacts(contacts: &mut Contacts, particles: &mut Particles, dt: f32, push_speed: f32) {
     // A second pass, because what turns a particle out of one plane may turn it into another.
     for _ in 0..2 {
         for contact in &mut contacts.list {

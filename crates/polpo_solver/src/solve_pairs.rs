@@ -5,7 +5,7 @@ use glam::Vec3A;
 use crate::pair_ends::Ends;
 use crate::pair_touch::{Touch, look};
 use crate::pairs::Pair;
-use crate::{Ellipsoid, Pairs, Particles, Support};
+use crate::{Ellipsoid, Pairs, Particles};
 
 /// Whose particles the pairs are.
 #[derive(Debug)]
@@ -14,8 +14,8 @@ pub enum Sides<'a> {
     Within {
         /// The body.
         particles: &'a mut Particles,
-        /// What its particles lie on.
-        support: &'a Support,
+        /// What [`find_support`](crate::find_support) found for it.
+        support: &'a [Vec3A],
     },
     /// Of two.
     Between {
@@ -27,10 +27,13 @@ pub enum Sides<'a> {
         offset: Vec3A,
         /// Whether the first, the second stands still whatever touches it.
         held: [bool; 2],
-        /// What the particles of the first, the second lie on.
-        support: [&'a Support; 2],
+        /// What [`find_support`](crate::find_support) found for the first, the second.
+        support: [&'a [Vec3A]; 2],
     },
 }
+
+/// A push that goes into a collider at less than this cosine from its normal slides along it.
+const INTO: f32 = 0.5;
 
 /// How pairs are solved in a substep.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,8 +60,6 @@ pub const PAIR_PASSES: u32 = 2;
 ///
 /// *Friction.* Coulomb's law on the way that the contact points have slipped over each other during the substep, as in [`solve_contacts`](crate::solve_contacts), and with the substep's normal impulse as its bound. It,
 /// too, goes into the velocities as far as it stops them.
-///
-/// *Support.* A particle that lies on a collider gives way only as far as that lets it, see [`Support`].
 ///
 /// *Sides.* A pair that moves by more than half its thickness in the substep and was apart before it is held by the plane where it met on its way. A normal does not turn by more than a right angle in a
 /// substep while the two overlap: what is pressed deep keeps its side.
@@ -104,11 +105,13 @@ impl Sides<'_> {
         }
     }
 
-    pub(crate) fn support(&self, k: usize) -> &Support {
-        match self {
+    /// Whether a particle pressed along `push` lies on something that bears it.
+    pub(crate) fn is_supported(&self, k: usize, i: usize, push: Vec3A) -> bool {
+        let support = match self {
             Sides::Within { support, .. } => support,
             Sides::Between { support, .. } => support[k],
-        }
+        };
+        support.get(i).is_some_and(|n| n.dot(push) < -INTO)
     }
 
     /// Where a particle is and was when the substep began.
@@ -148,7 +151,7 @@ fn part(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rules:
     if !deep {
         return;
     }
-    let mut both = Ends::new(pair, sides, [n, touch.point], friction);
+    let mut both = Ends::new(pair, sides, [n, touch.point]);
     let yielding = both.yielding(n);
     let approach = -n.dot(both.velocity());
     pair.closing_speed = pair.closing_speed.max(approach);

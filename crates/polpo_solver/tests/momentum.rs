@@ -9,7 +9,7 @@ use common::{Loss, Random, cases, cloud, loss, pairs, stir};
 use glam::Vec3A;
 use polpo_solver::{
     CalibratedEdges, Drive, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, Material, Motor, PAIR_PASSES, PairFinder, PairRules,
-    PairSearch, Pairs, Particles, Plasticity, RestPairs, RestPose, Section, Share, Sides, Stiffness, Support, Sweep, Turning, creep_edges,
+    PairSearch, Pairs, Particles, Plasticity, RestPairs, RestPose, Section, Share, Sides, Stiffness, Sweep, Turning, creep_edges,
     creep_shapes, damp_internally, match_explicit_groups, match_shapes, momentum, predict, predict_explicit, restore_angular_momentum,
     solve_calibrated_edges, solve_distances, solve_pairs, solve_torsion,
 };
@@ -335,7 +335,7 @@ proptest! {
         PairFinder::default().find_within(&p, &RestPairs::default(), &PairSearch { dt: DT, gain: 0.1 }, &mut found);
         let (before, scale, rules) = (carried(&p, &p.position), scale_of(&p), rules(&mut random));
         for pass in 0..PAIR_PASSES {
-            solve_pairs(&mut found, &mut Sides::Within { particles: &mut p, support: &Support::default() }, &rules, pass);
+            solve_pairs(&mut found, &mut Sides::Within { particles: &mut p, support: &[] }, &rules, pass);
         }
         let [linear, angular] = off(before, carried(&p, &p.position), scale);
         prop_assert!(linear < 3e-7 && angular < 3e-7, "P off by {linear:.1e}, L by {angular:.1e}");
@@ -356,7 +356,7 @@ proptest! {
         };
         let (before, scale, rules) = (both(&a, &b), scale_of(&a) + scale_of(&b), rules(&mut random));
         for pass in 0..PAIR_PASSES {
-            let mut sides = Sides::Between { first: &mut a, second: &mut b, offset, held: [false; 2], support: [&Support::default(), &Support::default()] };
+            let mut sides = Sides::Between { first: &mut a, second: &mut b, offset, held: [false; 2], support: [&[]; 2] };
             solve_pairs(&mut found, &mut sides, &rules, pass);
         }
         let [linear, angular] = off(before, both(&a, &b), scale);

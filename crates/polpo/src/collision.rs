@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 
 use crate::particles::{Awake, for_each_body};
-use crate::{Particles, SubstepTime};
+use crate::{ExplicitState, Particles, SubstepTime};
 
 /// How a body meets colliders. Comes with every [`SoftBody`](crate::SoftBody).
 ///
@@ -44,12 +44,19 @@ pub(crate) fn forget_planes(remove: On<Remove, Collision>, mut bodies: Query<(&m
     }
 }
 
-pub(crate) fn solve_contacts(time: Res<SubstepTime>, mut bodies: Query<(&mut Particles, &mut Contacts, &Collision), Awake>) {
+pub(crate) fn solve_contacts(
+    time: Res<SubstepTime>,
+    mut bodies: Query<(&mut Particles, &mut Contacts, &Collision, Option<&ExplicitState>), Awake>,
+) {
     for_each_body(
         &mut bodies,
-        |(_, contacts, _)| 60 * contacts.list.len(),
-        |(mut particles, mut contacts, collision)| {
-            polpo_solver::solve_contacts(&mut contacts, &mut particles, time.delta, collision.push_speed.max(0.0));
+        |(_, contacts, ..)| 60 * contacts.list.len(),
+        |(mut particles, mut contacts, collision, explicit)| {
+            let (dt, push_speed) = (time.delta, collision.push_speed.max(0.0));
+            match explicit {
+                Some(groups) => polpo_solver::solve_contacts_beside(groups, &mut contacts, &mut particles, dt, push_speed),
+                None => polpo_solver::solve_contacts(&mut contacts, &mut particles, dt, push_speed),
+            }
         },
     );
 }

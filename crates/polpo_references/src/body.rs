@@ -4,7 +4,7 @@ use glam::{DVec3, Quat, Vec3A};
 use polpo_solver::{
     CalibratedEdges, Contact, Contacts, DirectEdges, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, ParticleRest, Particles, Share,
     Shares, Stiffness, Sweep, Turning, damp_internally, integrate, land_explicit_groups, match_explicit_groups, match_shapes, momentum,
-    predict, predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_contacts, solve_distances, solve_torsion,
+    predict, predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_contacts_beside, solve_distances, solve_torsion,
 };
 
 use crate::jacobi::Jacobi;
@@ -170,7 +170,7 @@ impl Body {
             restore_angular_momentum(&mut self.particles, before, dt);
         }
         if !self.contacts.list.is_empty() {
-            solve_contacts(&mut self.contacts, &mut self.particles, dt, 3.0);
+            solve_contacts_beside(&self.explicit, &mut self.contacts, &mut self.particles, dt, 3.0);
             land_explicit_groups(&mut self.explicit, &mut self.particles, dt);
         }
         integrate(&mut self.particles, dt, self.drag);

@@ -13,6 +13,8 @@ pub fn solve_distances(edges: &mut Edges, particles: &mut Particles, tension: Sh
     }
     let rate = 1.0 / sweep.dt;
     sweep.ready(&mut edges.stretch, edges.pairs.len());
+    particles.ready_rigid_push(tension);
+    particles.ready_rigid_push(compression);
     let x = &mut particles.position;
     let v = &mut particles.velocity;
     let w = &particles.inverse_mass;
@@ -40,6 +42,10 @@ pub fn solve_distances(edges: &mut Edges, particles: &mut Particles, tension: Sh
         x[j] += way_j;
         v[i] += way_i * rate;
         v[j] += way_j * rate;
+        if share.is_rigid() {
+            particles.rigid_push[i][0] += way_i * rate;
+            particles.rigid_push[j][0] += way_j * rate;
+        }
         if !particles.reaction.is_empty() {
             let impulse = correction * rate;
             if w[i] == 0.0 {

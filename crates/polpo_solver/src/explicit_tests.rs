@@ -8,7 +8,7 @@ use crate::testing::{Random, blob, line, scramble};
 use crate::{
     Contact, Contacts, Deformable, Drive, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, Motor, ParticleRest, Particles, Plasticity,
     RestPose, Stiffness, Sweep, Turning, creep_shapes, fit_rigid, integrate, land_explicit_groups, match_explicit_groups, match_shapes,
-    momentum, predict, predict_explicit, quat_exp, quat_log, solve_contacts,
+    momentum, predict, predict_explicit, quat_exp, quat_log, solve_contacts_beside,
 };
 
 pub(crate) const G: Vec3A = Vec3A::new(0.0, -9.81, 0.0);
@@ -250,7 +250,7 @@ fn a_group_lands_on_its_feet() {
         predict(&mut p, G, dt);
         predict_explicit(&mut groups, &mut p, dt);
         match_explicit_groups(&mut groups, &mut p, Sweep::only(dt));
-        solve_contacts(&mut contacts, &mut p, dt, 3.0);
+        solve_contacts_beside(&groups, &mut contacts, &mut p, dt, 3.0);
         land_explicit_groups(&mut groups, &mut p, dt);
         integrate(&mut p, dt, 0.0);
         deepest = p.position.iter().map(|x| 0.05 - x.y).fold(deepest, f32::max);
@@ -329,7 +329,7 @@ fn a_dent_stays() {
                 revision = groups.revision();
             }
             opened |= groups.is_open(0);
-            solve_contacts(&mut contacts, &mut p, dt, 3.0);
+            solve_contacts_beside(&groups, &mut contacts, &mut p, dt, 3.0);
             land_explicit_groups(&mut groups, &mut p, dt);
             integrate(&mut p, dt, 0.5);
         }

@@ -87,6 +87,7 @@ mod testing;
 mod ties;
 mod torsion;
 mod wind;
+mod workless;
 
 pub use broad_phase::{Bounds, BroadPhase};
 pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
@@ -120,7 +121,7 @@ pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_expl
 pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
-pub use solve_contacts::solve_contacts;
+pub use solve_contacts::{solve_contacts, solve_contacts_beside};
 pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};
 pub use support::find_support;

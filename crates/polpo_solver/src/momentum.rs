@@ -2,6 +2,7 @@
 
 use glam::{Mat3A, Quat, Vec3A};
 
+use crate::workless::{allowed_energy, shed_energy};
 use crate::{Particles, extract_rotation};
 
 /// Momentum and energy of a body.
@@ -52,17 +53,26 @@ pub(crate) fn momentum_of(p: &Particles, members: impl Iterator<Item = usize> + 
 /// v += δω×r, ω += δω. Linear momentum is not touched.
 ///
 /// Constraints pull at where particles *will* be, so each sweep loses about (ωΔt)² of the angular momentum; measured before the internal constraints of a substep of `dt` \[s\] and restored after
-/// them, none is lost. The turn is at most a tenth of a radian a substep, for a body that is all but a point. A body with anything pinned, or a singular inertia, is left alone.
+/// them, none is lost. The turn is at most a tenth of a radian a substep, for a body that is all but a point; a singular inertia is not turned.
+///
+/// What nothing bends does no work: those whom rigid constraints have moved in the substep get no more kinetic energy, in all, than they would have had without, whatever made the error that was put right.
+///
+/// A body with anything pinned is left alone: what holds it gives L and energy too.
 pub fn restore_angular_momentum(p: &mut Particles, angular: Vec3A, dt: f32) {
     if p.inverse_mass.contains(&0.0) || p.inverse_inertia.contains(&0.0) {
         return;
     }
+    let allowed = allowed_energy(p);
     let now = momentum(p);
-    let Some(turn) = solve_inertia(now.inertia, angular - now.angular) else { return };
-    let turn = turn.clamp_length_max(0.1 / dt);
-    for i in 0..p.len() {
-        p.velocity[i] += turn.cross(p.position[i] - now.center);
-        p.angular_velocity[i] += turn;
+    if let Some(turn) = solve_inertia(now.inertia, angular - now.angular) {
+        let turn = turn.clamp_length_max(0.1 / dt);
+        for i in 0..p.len() {
+            p.velocity[i] += turn.cross(p.position[i] - now.center);
+            p.angular_velocity[i] += turn;
+        }
+    }
+    if let Some(allowed) = allowed {
+        shed_energy(p, allowed);
     }
 }
 

@@ -91,6 +91,8 @@ pub struct Particles {
     pub inverse_inertia: Vec<f32>,
     /// The impulse with which constraints pulled the others at each pinned particle in this substep \[N·s\]; empty unless somebody wants to know.
     pub reaction: Vec<Vec3A>,
+    /// What constraints that nothing bends have added to each particle's velocity \[m/s\] and spin \[rad/s\] in this substep; empty if there are none. See [`restore_angular_momentum`](crate::restore_angular_momentum).
+    pub(crate) rigid_push: Vec<[Vec3A; 2]>,
     /// Centres at rest \[m\], in the rig's axes.
     pub rest_position: Vec<Vec3A>,
     /// Principal axes at rest.
@@ -227,6 +229,14 @@ impl Particles {
     pub fn turn(&mut self, i: usize, angle: Vec3A, rate: f32) {
         self.rotation[i] = (quat_exp(angle) * self.rotation[i]).normalize();
         self.angular_velocity[i] += angle * rate;
+    }
+
+    /// Makes room for what rigid constraints add, if there are any among `shares`.
+    pub(crate) fn ready_rigid_push(&mut self, shares: crate::Shares) {
+        if self.rigid_push.len() != self.len() && shares.any_rigid() {
+            self.rigid_push.clear();
+            self.rigid_push.resize(self.len(), [Vec3A::ZERO; 2]);
+        }
     }
 
     /// Gives particle `i` another spin inertia than that of its ellipsoid \[kg·m²\]. One that is not positive and normal, with a normal inverse, changes nothing.

@@ -13,6 +13,7 @@ use crate::{Particles, quat_exp};
 /// Returns how many spins were clamped: a rotation by more than π within one substep cannot be told from the shorter one the other way round, so |ω|·Δt is limited to π. More substeps
 /// are the cure.
 pub fn predict(particles: &mut Particles, acceleration: Vec3A, dt: f32) -> usize {
+    particles.rigid_push.clear();
     let limit = PI / dt;
     let dv = acceleration * dt;
     let moving = particles.position.iter_mut().zip(&mut particles.previous_position).zip(&mut particles.velocity);

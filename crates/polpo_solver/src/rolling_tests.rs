@@ -7,14 +7,14 @@ use glam::{Quat, Vec3A};
 use crate::explicit_tests::{G, energy, floor, points, rigid};
 use crate::{
     Contact, Contacts, Drive, ExplicitGroup, ExplicitGroups, Motor, ParticleRest, Particles, Sweep, integrate, land_explicit_groups,
-    match_explicit_groups, momentum, predict, predict_explicit, quat_exp, solve_contacts,
+    match_explicit_groups, momentum, predict, predict_explicit, quat_exp, solve_contacts_beside,
 };
 
 fn step(groups: &mut ExplicitGroups, p: &mut Particles, contacts: &mut Contacts, dt: f32) {
     predict(p, G, dt);
     predict_explicit(groups, p, dt);
     match_explicit_groups(groups, p, Sweep::only(dt));
-    solve_contacts(contacts, p, dt, 3.0);
+    solve_contacts_beside(groups, contacts, p, dt, 3.0);
     land_explicit_groups(groups, p, dt);
     integrate(p, dt, 0.0);
 }

@@ -45,6 +45,7 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
     }
     let rate = 1.0 / sweep.dt;
     sweep.ready(&mut groups.pulled, groups.members.len());
+    particles.ready_rigid_push(shares);
     for g in 0..groups.len() {
         let row = groups.rows[g] as usize..groups.rows[g + 1] as usize;
         let members = &groups.members[row.clone()];
@@ -96,6 +97,7 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
 
         let rigid = (share.damping > 0.0).then(|| rigid_velocity(members, center, x, v, omega, mass, &particles.inertia));
         let (memory, damping) = (share.memory, share.damping * sweep.dt);
+        let stiff = share.is_rigid();
         let pulled = if groups.pulled.is_empty() { &mut [][..] } else { &mut groups.pulled[row] };
         let ways = &mut groups.ways[..members.len()];
         let mut excess = Vec3A::ZERO;
@@ -120,6 +122,9 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
                 let way = way - excess;
                 x[i] += way;
                 v[i] += way * rate;
+                if stiff {
+                    particles.rigid_push[i][0] += way * rate;
+                }
                 reaction -= way * mass[i];
             }
             if inverse_inertia[i] == 0.0 || (turning == Turning::MainOnly && k > 0) || groups.unoriented.get(i).is_some_and(|&u| u) {
@@ -140,6 +145,9 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
             }
             q[i] = turned(q[i], angle);
             omega[i] += angle * rate;
+            if stiff {
+                particles.rigid_push[i][1] += angle * rate;
+            }
         }
         if !free && !particles.reaction.is_empty() {
             react(members, w, &mut particles.reaction, reaction * rate);

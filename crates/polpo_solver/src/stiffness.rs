@@ -78,6 +78,12 @@ impl Share {
     pub fn is_off(self) -> bool {
         self.stiffness <= 0.0 && self.damping <= 0.0
     }
+
+    /// Whether it corrects the whole error at once, as what nothing can bend does; anything less is a spring. See [`Particles::rigid_push`](crate::Particles::rigid_push).
+    #[inline]
+    pub fn is_rigid(self) -> bool {
+        self.stiffness >= 1.0
+    }
 }
 
 /// The shares of a set of constraints.
@@ -96,6 +102,13 @@ impl Shares<'_> {
         match self {
             Self::One(share) => share,
             Self::Each(shares) => shares.get(i).copied().unwrap_or_default(),
+        }
+    }
+
+    pub(crate) fn any_rigid(self) -> bool {
+        match self {
+            Self::One(share) => share.is_rigid(),
+            Self::Each(shares) => shares.iter().any(|s| s.is_rigid()),
         }
     }
 

@@ -14,6 +14,7 @@ pub fn solve_torsion(edges: &mut Edges, particles: &mut Particles, shares: Share
     }
     let rate = 1.0 / sweep.dt;
     sweep.ready(&mut edges.twist, edges.pairs.len());
+    particles.ready_rigid_push(shares);
     for (e, &[i, j]) in edges.pairs.iter().enumerate() {
         let (i, j) = (i as usize, j as usize);
         let d = particles.position[j] - particles.position[i];
@@ -37,6 +38,10 @@ pub fn solve_torsion(edges: &mut Edges, particles: &mut Particles, shares: Share
         let twist = d * (turn / (length * (wi + wj)));
         particles.turn(i, twist * wi, rate);
         particles.turn(j, twist * -wj, rate);
+        if share.is_rigid() {
+            particles.rigid_push[i][1] += twist * (wi * rate);
+            particles.rigid_push[j][1] -= twist * (wj * rate);
+        }
     }
 }
 

@@ -12,8 +12,8 @@ use glam::{Quat, Vec3A};
 use polpo_solver::{
     CalibratedEdges, Contact, Contacts, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, Material, ParticleRest, Particles, Section,
     Stiffness, Sweep, Turning, blow, damp_internally, integrate, land_explicit_groups, match_explicit_groups, match_shapes, momentum,
-    predict, predict_explicit, quat_exp, quat_log, restore_angular_momentum, solve_calibrated_edges, solve_contacts, solve_distances,
-    solve_torsion,
+    predict, predict_explicit, quat_exp, quat_log, restore_angular_momentum, solve_calibrated_edges, solve_contacts, solve_contacts_beside,
+    solve_distances, solve_torsion,
 };
 use proptest::prelude::*;
 
@@ -130,7 +130,7 @@ impl Scene {
             }
             9 => {
                 predict_explicit(&mut self.explicit, p, DT);
-                solve_contacts(&mut self.contacts, p, DT, 3.0);
+                solve_contacts_beside(&self.explicit, &mut self.contacts, p, DT, 3.0);
                 land_explicit_groups(&mut self.explicit, p, DT);
                 "contacts of explicit groups"
             }
@@ -168,7 +168,7 @@ impl Scene {
             match_explicit_groups(&mut self.explicit, p, sweep);
         }
         restore_angular_momentum(p, angular, DT);
-        solve_contacts(&mut self.contacts, p, DT, 3.0);
+        solve_contacts_beside(&self.explicit, &mut self.contacts, p, DT, 3.0);
         land_explicit_groups(&mut self.explicit, p, DT);
         integrate(p, DT, 0.1);
         damp_internally(p, DT, 2.0);

@@ -128,6 +128,25 @@ proptest! {
         prop_assert!(after.linear.distance(before.linear) < 1e-5 * scale);
     }
 
+    /// What nothing bends does no work: thrown anyhow, a body whose own constraints are all rigid has no more kinetic energy after a substep than before, and P as it was.
+    #[test]
+    fn rigid_constraints_do_no_work(seed: u64, main_only: bool, way in 0.001f32..0.5) {
+        let (_, mut p, _) = one_group(seed, false, way, 1.5);
+        let mut edges = Edges::new(&p, &pairs(&p, 0.5)).unwrap();
+        let mut groups = ImplicitGroups::new(&p, &edges);
+        let before = momentum(&p);
+        let turning = if main_only { Turning::MainOnly } else { Turning::AllMembers };
+        let share = Stiffness::RIGID.share(DT);
+        match_shapes(&mut groups, &mut p, share.into(), turning, Sweep::only(DT));
+        solve_distances(&mut edges, &mut p, share.into(), share.into(), Sweep::only(DT));
+        solve_torsion(&mut edges, &mut p, share.into(), Sweep::only(DT));
+        let scale: f32 = (0..p.len()).map(|i| p.mass[i] * p.velocity[i].length()).sum();
+        restore_angular_momentum(&mut p, before.angular, DT);
+        let after = momentum(&p);
+        prop_assert!(after.kinetic_energy < before.kinetic_energy * (1.0 + 1e-4), "{} → {} J", before.kinetic_energy, after.kinetic_energy);
+        prop_assert!(after.linear.distance(before.linear) < 1e-5 * scale);
+    }
+
     /// Tension and compression, damped or not: one edge, also of a heavy and a light particle, also pinned.
     #[test]
     fn distance(seed: u64, pinned: bool) {

@@ -6,9 +6,6 @@ use crate::Sides;
 use crate::pairs::Pair;
 use crate::shape_matching::turned;
 
-/// No contact turns a particle by more than this in one go \[rad\], see [`solve_contacts`](crate::solve_contacts).
-const LARGEST_TURN: f32 = 0.5;
-
 /// Only from something heavier by this factor is a particle on a collider taken for immovable: lighter ones are thrown to and fro little, and then momentum need not go to the collider. In heaps of bodies alike it would make
 /// the heap tremble.
 const CRUSHING: f32 = 80.0;
@@ -93,21 +90,17 @@ impl Ends {
         b.v + b.spin.cross(arms[1]) - a.v - a.spin.cross(arms[0])
     }
 
-    /// Moves and turns the second by `impulse` \[kg·m\] at the point, the first by the opposite, and gives it to their velocities. Less is done where it would turn one of them by more than [`LARGEST_TURN`]; returns how much
-    /// of it was.
-    pub(crate) fn strike(&mut self, impulse: Vec3A, dt: f32) -> f32 {
+    /// Moves and turns the second by `impulse` \[kg·m\] at the point, the first by the opposite, and gives it to their velocities; `rate` is 1/Δt.
+    pub(crate) fn strike(&mut self, impulse: Vec3A, rate: f32) {
         let arms = self.arms();
-        let turn = (0..2).map(|k| arms[k].cross(impulse).length() * self.ends[k].w[1]).fold(0.0, f32::max);
-        let impulse = if turn > LARGEST_TURN { impulse * (LARGEST_TURN / turn) } else { impulse };
         for (k, sign) in [(0, -1.0), (1, 1.0)] {
             let end = &mut self.ends[k];
             let angle = arms[k].cross(impulse * sign) * end.w[1];
-            end.v += impulse * (sign * end.w[0] / dt);
-            end.spin += angle / dt;
+            end.v += impulse * (sign * end.w[0] * rate);
+            end.spin += angle * rate;
             end.q = turned(end.q, angle);
         }
         self.displace(impulse);
-        impulse.length()
     }
 
     /// Moves the second by `way` \[m\] from the first, by their masses, and leaves the velocities alone.
@@ -127,9 +120,9 @@ impl Ends {
 
     /// Takes the angular momentum back that moving has added: an impulse j across the line of centres D with D×j = −added, and equal spins for what is left along D.
     ///
-    /// Of two centres almost in one place that impulse would be faster than they were. They turn as one rigid body instead, spins included, which of all changes of velocity that do it is the one of least energy: with
+    /// Of two centres almost in one place that impulse would be faster than they were, and nothing is taken back, unless their bodies are `leaving` each other, where it happens to many at once. These turn as one rigid body instead, spins included, which of all changes of velocity that do it is the one of least energy: with
     /// m = m₁m₂/(m₁ + m₂) and I = I₁ + I₂ the inertia is (mD² + I)·1 − m·DDᵀ, and its inverse (1 + m/I·DDᵀ)/(mD² + I).
-    pub(crate) fn settle(&mut self) {
+    pub(crate) fn settle(&mut self, leaving: bool) {
         let added = self.added;
         let [a, b] = &mut self.ends;
         if a.w[0] == 0.0 || b.w[0] == 0.0 || added == Vec3A::ZERO {
@@ -143,7 +136,7 @@ impl Ends {
         let mut turn = d * (-added.dot(d) / length2 / inertia);
         let brakes = impulse.length_squared() * sum * sum <= self.speed2;
         if !brakes {
-            if !turn_freely {
+            if !(leaving && turn_freely) {
                 return;
             }
             let mass = 1.0 / sum;

@@ -49,6 +49,9 @@ pub struct PairRules {
 /// How often a substep goes over the pairs: what leaves one neighbour may be pressed into the next.
 pub const PAIR_PASSES: u32 = 2;
 
+/// No contact turns a particle by more than this in one go \[rad\], see [`solve_contacts`](crate::solve_contacts).
+const LARGEST_TURN: f32 = 0.5;
+
 /// Solves every pair once; `pass` counts up to [`PAIR_PASSES`] in a substep.
 ///
 /// *Normal.* Along the pair's normal n the gap is C = n·d − h₁ − h₂ (see [`EllipsoidPair`]). Both are pushed at one point, midway between their outermost points, at r₁ and r₂ from the centres: with
@@ -139,6 +142,7 @@ const EASE: f32 = 60.0;
 /// Separates two that overlap.
 fn part(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rules: &PairRules) {
     let PairRules { dt, friction, push_speed } = *rules;
+    let rate = 1.0 / dt;
     let n = touch.normal;
     let goal = if touch.before < 0.0 {
         let share = if leaving { 1.0 } else { EASE * dt / (1.0 + EASE * dt) };
@@ -160,15 +164,22 @@ fn part(pair: &mut Pair, sides: &mut Sides, touch: &Touch, leaving: bool, rules:
         return;
     }
     let made_now = (touch.before.min(0.0) - touch.gap).max(0.0);
-    let struck = both.strike(n * (made_now.min(approach * dt).max(0.0) / yielding), dt) * yielding;
-    pair.impulse += struck / yielding / dt;
+    let mut struck = made_now.min((approach * dt).max(0.0));
+    let turn = (0..2).map(|k| both.arms()[k].cross(n).length() * both.ends[k].w[1]).fold(0.0, f32::max) * struck / yielding;
+    if turn > LARGEST_TURN {
+        struck *= LARGEST_TURN / turn;
+    }
+    if struck > 0.0 {
+        both.strike(n * (struck / yielding), rate);
+        pair.impulse += struck / yielding * rate;
+    }
     if friction > 0.0 && pair.impulse > 0.0 && !leaving {
         rub(pair, sides, &mut both, n, friction, dt);
     }
     if depth > struck {
         both.part(n * (depth - struck));
     }
-    both.settle();
+    both.settle(leaving);
     both.store(pair, sides);
 }
 
@@ -209,7 +220,7 @@ fn rub(pair: &mut Pair, sides: &Sides, both: &mut Ends, n: Vec3A, friction: f32,
     let way = strength * dt * yielding;
     let stopped = way.min((-along.dot(both.velocity()) * dt).max(0.0));
     if stopped > 0.0 {
-        both.strike(along * (stopped / yielding), dt);
+        both.strike(along * (stopped / yielding), rate);
     }
     if way > stopped {
         both.part(along * (way - stopped));

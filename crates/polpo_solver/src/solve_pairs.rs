@@ -68,7 +68,7 @@ const LARGEST_TURN: f32 = 0.5;
 /// substep while the two overlap: what is pressed deep keeps its side.
 ///
 /// *Momentum.* All impulses are equal and opposite at one point, so P is kept to rounding. L = Σ m·x×v would be kept only at the places where the impulses act: moving two particles by the way ±Δ/m
-/// afterwards changes it by Δ×(v₁ − v₂). That is taken back by turning the two about each other, spins included, as a skater's arms do it. That may cost or give a few thousandths of the energy of a pair that slips by a tenth
+/// afterwards changes it by Δ×(v₁ − v₂). That is taken back, as a skater's arms do it: from the two's turning about each other and from their spins. That may cost or give a few thousandths of the energy of a pair that slips by a tenth
 /// of its radius a substep.
 ///
 /// Degenerate: pairs of particles that do not exist or are not finite are skipped; of two that cannot be moved nothing is.

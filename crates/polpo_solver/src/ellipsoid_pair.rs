@@ -109,11 +109,6 @@ impl EllipsoidPair {
         (f, z.normalize_or_zero())
     }
 
-    /// The gap along the unit vector `n` \[m\].
-    pub(crate) fn gap_along(&self, n: Vec3A) -> f32 {
-        (n.dot(self.d) - n.dot(self.sigma[0] * n).sqrt() - n.dot(self.sigma[1] * n).sqrt()) * self.scale
-    }
-
     /// Gap and outermost points along the unit vector `n`.
     pub(crate) fn along(&self, n: Vec3A) -> PairGap {
         self.scaled(self.look(n))
@@ -210,6 +205,12 @@ fn shape(q: &Mat3A, radii: Vec3A) -> Mat3A {
     let radii = clamped(radii);
     let (a, b, c) = (q.x_axis * radii.x, q.y_axis * radii.y, q.z_axis * radii.z);
     Mat3A::from_cols(a * a.x + b * b.x + c * c.x, a * a.y + b * b.y + c * c.y, a * a.z + b * b.z + c * c.z)
+}
+
+/// How far an ellipsoid, as its contact sees it, reaches along the unit vector `n` \[m\].
+#[inline]
+pub(crate) fn thickness(e: &Ellipsoid, n: Vec3A) -> f32 {
+    (clamped(e.radii) * (e.orientation.inverse() * n)).length()
 }
 
 /// Half axes as a contact sees them.

@@ -58,8 +58,10 @@ mod math;
 mod momentum;
 mod motor;
 mod movers;
+mod pair_ends;
 #[cfg(test)]
 mod pair_tests;
+mod pair_touch;
 mod pairs;
 mod particles;
 mod plasticity;

@@ -213,7 +213,7 @@ impl PairFinder {
         let most = MOST * p.len();
         broad.pairs(boxes, |i, j| {
             let (i, j) = (owners[i as usize], owners[j as usize]);
-            if meet_in_step(p, i as usize, p, j as usize, Vec3A::ZERO, search) && !resting.contains(i, j) {
+            if !resting.contains(i, j) && meet_in_step(p, i as usize, p, j as usize, Vec3A::ZERO, search) {
                 keys.push(key(i, j));
             }
             keys.len() < most

@@ -360,8 +360,7 @@ proptest! {
         prop_assert!(linear < 3e-7 && angular < 3e-7, "P off by {linear:.1e}, L by {angular:.1e}");
     }
 
-    /// The same between two bodies, each with an origin of its own. Where one is pushed out of the other as a whole, deep overlaps are undone in the positions alone at places where nobody flew, and
-    /// two centres almost in one place cannot give back what that adds to L: it is off by up to some thousandths.
+    /// The same between two bodies, each with an origin of its own, also where one is pushed out of the other as a whole.
     #[test]
     fn pairs_between_bodies(seed: u64, round: bool, fresh: bool) {
         let mut random = Random(seed);
@@ -380,7 +379,7 @@ proptest! {
             solve_pairs(&mut found, &mut sides, &rules, pass);
         }
         let [linear, angular] = off(before, both(&a, &b), scale);
-        let tolerance = if found.way_out.is_some() { 1e-2 } else { 3e-7 };
+        let tolerance = if found.way_out.is_some() { 1e-6 } else { 3e-7 };
         prop_assert!(linear < 3e-7 && angular < tolerance, "P off by {linear:.1e}, L by {angular:.1e}");
     }
 }

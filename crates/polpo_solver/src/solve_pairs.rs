@@ -55,7 +55,7 @@ const LARGEST_TURN: f32 = 0.5;
 
 /// Solves every pair once; `pass` counts up to [`PAIR_PASSES`] in a substep.
 ///
-/// *Normal.* Along the pair's normal n the gap is C = n·d − h₁ − h₂ (see [`EllipsoidPair`]). Both are pushed at one point, midway between their outermost points, at r₁ and r₂ from the centres: with
+/// *Normal.* Along the pair's normal n the gap is C = n·d − h₁ − h₂ (see `ellipsoid_pair.rs`). Both are pushed at one point, midway between their outermost points, at r₁ and r₂ from the centres: with
 /// W = Σ 1/m + |r×n|²/I the impulse −C/W. The way goes into the velocities as far as it stops what was approaching, and no further: so a contact takes energy and never gives any. What then is left of the overlap
 /// (what others made of it, what the linear step left) is undone in the positions alone.
 ///

@@ -79,7 +79,7 @@ impl Share {
         self.stiffness <= 0.0 && self.damping <= 0.0
     }
 
-    /// Whether it corrects the whole error at once, as what nothing can bend does; anything less is a spring. See [`Particles::rigid_push`](crate::Particles::rigid_push).
+    /// Whether it corrects the whole error at once, as what nothing can bend does; anything less is a spring. See [`restore_angular_momentum`](crate::restore_angular_momentum).
     #[inline]
     pub fn is_rigid(self) -> bool {
         self.stiffness >= 1.0

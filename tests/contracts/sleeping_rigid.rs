@@ -166,3 +166,18 @@ fn a_box_falls_when_what_carried_it_is_gone_after_a_snapshot() {
         assert!(fallen > 0.3 && other == 0.0, "by {fallen} m, {other} m");
     }
 }
+
+/// What lies on what a jelly carries does not press it into the jelly harder than it weighs: two slabs were thrown up by 46 m.
+#[test]
+fn stacked_slabs_are_not_thrown_up() {
+    for k in 0..4 {
+        let (y, half) = (0.65 + 0.01 * k as f32, Vec3::new(0.3, 0.04, 0.3));
+        let mut room = Room::new().jelly(Vec3::Y * 0.3).rigid(Vec3::Y * y, half, true).rigid(Vec3::Y * (y + 0.09), half, true);
+        for _ in 0..300 {
+            steps(&mut room.app, 1);
+            let [lower, upper] = [0, 1].map(|i| room.body(i));
+            assert!(lower.translation().y <= y && upper.translation().y <= y + 0.09, "{k}: {:?}", room.places());
+            assert!(lower.linvel().length() < 1.0 && upper.linvel().length() < 1.0, "{k}: {}, {} m/s", lower.linvel(), upper.linvel());
+        }
+    }
+}

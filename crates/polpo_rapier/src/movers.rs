@@ -71,13 +71,17 @@ pub(crate) fn center_arm(body: &RigidBody) -> Vector {
     body.position().rotation * body.local_center_of_mass()
 }
 
-/// Adds the feet of mover `index`: the points at which Rapier found it touching other bodies or colliders in its last step, where they are now. What it touches is taken to go on as it does.
+/// Adds the feet of mover `index`: the points at which Rapier found it touching in its last step what does not give way, where they are now. That is taken to go on as it does. Another dynamic body is no foot: taken for immovable, one that
+/// lies on what a soft body carries would press it into the soft body as hard as need be, and Rapier, for which it has its mass, would throw both. What it weighs comes with Rapier's own step.
 pub(crate) fn add_feet(movers: &mut Movers, index: usize, world: &RapierWorld, handle: RigidBodyHandle) {
     let Some(body) = world.bodies.get(handle) else { return };
     for &own in body.colliders() {
         for pair in world.narrow_phase.contact_pairs_with(own) {
             let first = pair.collider1 == own;
             let other = if first { pair.collider2 } else { pair.collider1 };
+            if gives_way(world, other) {
+                continue;
+            }
             let (Some(a), Some(b)) = (pose_of(world, pair.collider1), pose_of(world, pair.collider2)) else { continue };
             let center = body.position().translation + center_arm(body);
             let sign = if first { -1.0 } else { 1.0 };
@@ -122,6 +126,10 @@ fn pose_of(world: &RapierWorld, collider: ColliderHandle) -> Option<Pose> {
         Some(body) => *body.position() * collider.position_wrt_parent().copied().unwrap_or_default(),
         None => *collider.position(),
     })
+}
+
+fn gives_way(world: &RapierWorld, collider: ColliderHandle) -> bool {
+    world.colliders.get(collider).and_then(|c| c.parent()).and_then(|parent| world.bodies.get(parent)).is_some_and(RigidBody::is_dynamic)
 }
 
 fn velocity_of(world: &RapierWorld, collider: ColliderHandle, at: Vector) -> Vector {

@@ -155,20 +155,26 @@ fn a_dent_stays() {
     assert!(!gentle.0 && gentle.1 < 1e-4);
 }
 
+/// Two groups on either side of the origin, each as far from it as `distance` \[m\], that come towards each other, each at `speed` \[m/s\].
+fn two_that_meet(deformable: Deformable, distance: f32, speed: f32) -> (App, [Entity; 2]) {
+    let mut app = simulation();
+    app.insert_resource(Gravity(Vec3::ZERO));
+    let mut group = ExplicitGroup::rigid((0..27).collect::<Vec<_>>());
+    group.deformable = Some(deformable);
+    let groups = ExplicitGroups { list: vec![group] };
+    let bodies = [-1.0f32, 1.0].map(|side| {
+        let velocity = InitialVelocity { linear: Vec3::X * (-side * speed), angular: Vec3::ZERO };
+        let place = Transform::from_xyz(distance * side, 0.0, 0.0);
+        app.world_mut().spawn((SoftBody::new(lattice(0.1)), place, velocity, groups.clone())).id()
+    });
+    (app, bodies)
+}
+
 /// Two of them meet in the air: above the speed that opens them they do, below they bounce off as they are.
 #[test]
 fn a_blow_from_another_body_opens_a_group() {
     let opens = |speed: f32| {
-        let mut app = simulation();
-        app.insert_resource(Gravity(Vec3::ZERO));
-        let mut group = ExplicitGroup::rigid((0..27).collect::<Vec<_>>());
-        group.deformable = Some(Deformable { speed: 2.0, time: 0.2, dent: 0.5 });
-        let groups = ExplicitGroups { list: vec![group] };
-        let bodies = [-1.0f32, 1.0].map(|side| {
-            let velocity = InitialVelocity { linear: Vec3::X * (-side * speed), angular: Vec3::ZERO };
-            let place = Transform::from_xyz(0.2 * side, 0.0, 0.0);
-            app.world_mut().spawn((SoftBody::new(lattice(0.1)), place, velocity, groups.clone())).id()
-        });
+        let (mut app, bodies) = two_that_meet(Deformable { speed: 2.0, time: 0.2, dent: 0.5 }, 0.2, speed);
         let mut opened = [false; 2];
         for _ in 0..30 {
             steps(&mut app, 1);
@@ -186,17 +192,8 @@ fn a_blow_from_another_body_opens_a_group() {
 #[test]
 fn a_group_is_open_for_its_time_from_the_blow_on() {
     let is_open = |time: f32| {
-        let mut app = simulation();
-        app.insert_resource(Gravity(Vec3::ZERO));
-        let mut group = ExplicitGroup::rigid((0..27).collect::<Vec<_>>());
         // What comes after, and is a blow too, at 5.4 m/s: the rest of the bodies, which the first layers stop.
-        group.deformable = Some(Deformable { speed: 5.7, time, dent: 0.5 });
-        let groups = ExplicitGroups { list: vec![group] };
-        let bodies = [-1.0f32, 1.0].map(|side| {
-            let velocity = InitialVelocity { linear: Vec3::X * (-side * 3.0), angular: Vec3::ZERO };
-            let place = Transform::from_xyz(0.1501 * side, 0.0, 0.0);
-            app.world_mut().spawn((SoftBody::new(lattice(0.1)), place, velocity, groups.clone())).id()
-        });
+        let (mut app, bodies) = two_that_meet(Deformable { speed: 5.7, time, dent: 0.5 }, 0.1501, 3.0);
         steps(&mut app, 1);
         bodies.map(|body| app.world().get::<ExplicitState>(body).unwrap().is_open(0))
     };

@@ -33,7 +33,7 @@ pub(crate) fn creep(
 ) {
     for_each_body(
         &mut bodies,
-        |(_, _, groups, ..)| groups.map_or(0, |g| 20 * g.members.len()),
+        |(_, _, groups, ..)| groups.map_or(0, |g| 20 * g.member_count()),
         |(particles, &Plasticity { yield_strain, creep, maximum }, groups, edges, posed)| {
             let plasticity = polpo_solver::Plasticity { yield_strain, creep, maximum };
             let made = polpo_solver::RestPose::default();

@@ -83,7 +83,7 @@ impl Memory {
         if !self.shapes.is_empty() || !self.lengths.is_empty() {
             let pairs = body.get::<SoftBody>().map_or(Vec::new(), |soft| rods::edges_beside(&soft.rig, body.get::<Rods>()).0);
             let edges = polpo_solver::Edges::new(particles, &pairs).unwrap_or_default();
-            let members = polpo_solver::ImplicitGroups::beside(particles, &edges, &explicit).members.len();
+            let members = polpo_solver::ImplicitGroups::beside(particles, &edges, &explicit).member_count();
             let matches = body.contains::<ShapeMatching>() && self.shapes.len() == members;
             if !(self.shapes.is_empty() || matches && self.shapes.iter().all(|f| f.is_finite())) {
                 return Some("the plastic flow of its shapes");

@@ -78,7 +78,7 @@ pub(crate) fn match_shapes(
     let sweep = time.sweep();
     for_each_body(
         &mut bodies,
-        |(_, groups, ..)| 30 * groups.members.len(),
+        |(_, groups, ..)| 30 * groups.member_count(),
         |(mut particles, mut groups, matching, mut each)| {
             let shares = shares_of(each.as_mut().map(|e| e.bypass_change_detection()).map(|e| &mut e.0), matching.stiffness, sweep.dt);
             polpo_solver::match_shapes(&mut groups, &mut particles, shares, matching.turning, sweep);

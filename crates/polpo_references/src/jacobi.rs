@@ -37,20 +37,20 @@ impl Jacobi {
     pub(crate) fn match_shapes(&mut self, groups: &mut ImplicitGroups, p: &mut Particles, shares: Shares<'_>, sweep: Sweep) {
         let rate = 1.0 / sweep.dt;
         let remembers = sweep.count > 1;
-        if remembers && (sweep.index == 0 || self.pulled.len() != groups.members.len()) {
+        if remembers && (sweep.index == 0 || self.pulled.len() != groups.member_count()) {
             self.pulled.clear();
-            self.pulled.resize(groups.members.len(), Default::default());
+            self.pulled.resize(groups.member_count(), Default::default());
         }
-        if self.most.1 != groups.members.len() {
+        if self.most.1 != groups.member_count() {
             let mut counts = vec![0u32; p.len()];
-            groups.members.iter().for_each(|&i| counts[i as usize] += 1);
-            self.most = (counts.into_iter().max().unwrap_or(1) as f32, groups.members.len());
+            (0..groups.len()).flat_map(|g| groups.members(g)).for_each(|&i| counts[i as usize] += 1);
+            self.most = (counts.into_iter().max().unwrap_or(1) as f32, groups.member_count());
         }
         self.sums.clear();
         self.sums.resize(p.len(), Default::default());
         for g in 0..groups.len() {
-            let row = groups.rows[g] as usize..groups.rows[g + 1] as usize;
-            let (members, rest) = (&groups.members[row.clone()], &groups.rest[row.clone()]);
+            let row = groups.row(g);
+            let (members, rest) = (groups.members(g), groups.rest(g));
             let share = shares.of(members[0] as usize);
             if share.is_off() {
                 continue;
@@ -74,7 +74,7 @@ impl Jacobi {
             for (&i, &r) in members.iter().zip(rest) {
                 let i = i as usize;
                 let (d, r) = ((p.position[i] - center) * weight(i), r - rest_center);
-                let spin = Mat3A::from_quat(p.rotation[i]) * groups.moment[i];
+                let spin = Mat3A::from_quat(p.rotation[i]) * groups.moment(i);
                 a += if p.inverse_inertia[i] == 0.0 { spin * PINNED } else { spin };
                 a += Mat3A::from_cols(d * r.x, d * r.y, d * r.z);
             }

@@ -52,7 +52,7 @@ pub fn orientation_table() -> String {
     }
     for (name, body) in [("a lattice of 8×8×8", lattice([8, 8, 8], 0.01)), ("an octopus of 75", swimmer())] {
         row(&format!("groups of {name} that may be solved side by side, on average"), &|t| {
-            let sets = if matches!(t(), Matching::Jacobi(_)) { 1 } else { body.groups.colors.len() - 1 };
+            let sets = if matches!(t(), Matching::Jacobi(_)) { 1 } else { body.groups.batch_count() };
             format!("{:.0}", body.groups.len() as f64 / sets as f64)
         });
     }

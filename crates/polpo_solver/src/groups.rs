@@ -1,23 +1,28 @@
 //! Implicit shape-matching groups: every particle with the neighbours its edges lead to.
 
+use std::cmp::Reverse;
+use std::ops::Range;
+
 use glam::{Mat3A, Quat, Vec3A};
 
-use crate::coloring::{color_rows, rank};
-use crate::{Edges, ExplicitGroups, Particles, RestPose};
+use crate::batches::Batches;
+use crate::coloring::{batch_rows, rank};
+use crate::lanes::LANES;
+use crate::match_batch::Gathered;
+use crate::{Edges, ExplicitGroups, GroupError, Particles, RestPose};
 
-/// One group a particle: itself and its one ring. Groups are sorted by colour, and by where they are at rest, and stored as compressed rows; groups of one colour share no particle.
+/// One group a particle: itself and its one ring, stored as compressed rows. Groups stand in batches of up to eight that share no particle, which are solved side by side; what goes into a batch goes by the groups' length and
+/// by where they are at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImplicitGroups {
     /// Where each group's members start in `members` and `rest`, and the end of the last.
-    pub rows: Vec<u32>,
+    pub(crate) rows: Vec<u32>,
     /// Members, row after row; the first of a row is the particle the group belongs to.
-    pub members: Vec<u32>,
+    pub(crate) members: Vec<u32>,
     /// x̄_i − c̄, where each member is at rest, relative to its group's centre of mass \[m\].
-    pub rest: Vec<Vec3A>,
+    pub(crate) rest: Vec<Vec3A>,
     /// The rotation found last, the warm start of the next search; see [`forget_rotations`](Self::forget_rotations).
     pub rotation: Vec<Quat>,
-    /// Where each colour starts among the groups, and the end of the last.
-    pub colors: Vec<u32>,
     /// Which share each *group* has, as an index into the shares; empty: that of its first member.
     pub(crate) keys: Vec<u32>,
     /// Per *particle*, whether its group rests because an explicit group holds it; empty if none ever does.
@@ -30,12 +35,14 @@ pub struct ImplicitGroups {
     pub(crate) flow: Vec<Vec3A>,
     /// By how much each member has been moved \[m\] and turned \[rad\] in this substep; empty with one sweep a substep.
     pub(crate) pulled: Vec<(Vec3A, Vec3A)>,
+    /// The groups as the vector kernel reads them; none if it is not used for them.
+    pub(crate) batches: Batches,
+    /// Scratch of that kernel. As long as the longest row.
+    pub(crate) gathered: Vec<Gathered>,
     /// Scratch: the ways of one group's members \[m\]. As long as the longest row.
     pub(crate) ways: Vec<Vec3A>,
-    /// Per *particle*, B_i = (m_i/5)·Q_i·diag(a², b², c²)·Q_iᵀ \[kg·m²\], its own second moment at rest.
-    ///
-    /// An ellipsoid turned by R_i contributes A_i = ∫ (R_i·ȳ)·ȳᵀ dm = R_i·B_i to a group. (m/5·diag(a², b², c²)·R_i, as often printed, depends on the frame of reference.)
-    pub moment: Vec<Mat3A>,
+    /// Per *particle*, see [`moment`](Self::moment).
+    pub(crate) moment: Vec<Mat3A>,
 }
 
 impl ImplicitGroups {
@@ -47,36 +54,61 @@ impl ImplicitGroups {
     /// The groups that `edges` imply in a body with explicit groups: a member of one has no group of its own, unless all that it is a member of can open; then it has one that rests while any of
     /// them is closed, see [`rest_where_held`](Self::rest_where_held). Members may be in a neighbour's group all the same.
     pub fn beside(particles: &Particles, edges: &Edges, explicit: &ExplicitGroups) -> Self {
-        let n = particles.len();
-        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
+        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); particles.len()];
         for &[i, j] in &edges.pairs {
             neighbours[i as usize].push(j);
             neighbours[j as usize].push(i);
         }
         let rank = rank(&particles.rest_position);
-        let mut rings: Vec<Vec<u32>> = neighbours
-            .into_iter()
-            .enumerate()
-            .filter(|(i, ring)| !ring.is_empty() && explicit.leaves_group_to(*i))
-            .map(|(i, mut ring)| {
-                ring.sort_unstable_by_key(|&j| rank[j as usize]);
-                ring.insert(0, i as u32);
-                ring
-            })
-            .collect();
-        rings.sort_unstable_by_key(|ring| rank[ring[0] as usize]);
-        let (order, colors) = color_rows(n, rings.iter().map(|r| r.as_slice()));
-        let mut groups = Self { rows: vec![0], colors, ..Self::default() };
+        let rings = neighbours.into_iter().enumerate().filter(|(i, ring)| !ring.is_empty() && explicit.leaves_group_to(*i));
+        let rings = rings.map(|(i, mut ring)| {
+            ring.sort_unstable_by_key(|&j| rank[j as usize]);
+            ring.insert(0, i as u32);
+            ring
+        });
+        let mut groups = Self::sorted(particles, rings.collect(), &rank);
+        groups.rest_where_held(explicit);
+        groups
+    }
+
+    /// Groups of any members, of which the first is the particle that the group belongs to: two rings instead of one, say.
+    ///
+    /// # Errors
+    ///
+    /// The first group that is empty, names a particle twice or one that does not exist.
+    pub fn of(particles: &Particles, rows: &[&[u32]]) -> Result<Self, GroupError> {
+        let count = particles.len();
+        let mut last = vec![usize::MAX; count];
+        for (group, row) in rows.iter().enumerate() {
+            if row.is_empty() {
+                return Err(GroupError::Empty { group });
+            }
+            for &particle in *row {
+                match last.get_mut(particle as usize) {
+                    None => return Err(GroupError::Index { group, particle, count }),
+                    Some(l) if *l == group => return Err(GroupError::Duplicate { group, particle }),
+                    Some(l) => *l = group,
+                }
+            }
+        }
+        Ok(Self::sorted(particles, rows.iter().map(|row| row.to_vec()).collect(), &rank(&particles.rest_position)))
+    }
+
+    fn sorted(particles: &Particles, mut rings: Vec<Vec<u32>>, rank: &[u32]) -> Self {
+        rings.sort_by_key(|ring| (Reverse(ring.len()), rank[ring[0] as usize]));
+        let (order, batches) = batch_rows(particles.len(), LANES, rings.iter().map(|r| r.as_slice()));
+        let mut groups = Self { rows: vec![0], ..Self::default() };
         for &g in &order {
             let ring = &rings[g as usize];
             groups.members.extend_from_slice(ring);
             groups.rows.push(groups.members.len() as u32);
             groups.rotation.push(particles.rotation[ring[0] as usize]);
         }
+        groups.moment = (0..particles.len()).map(|i| second_moment(particles, i)).collect();
+        groups.batches = Batches::new(batches, &groups.rows, &groups.members, &groups.moment);
+        groups.gathered = vec![Gathered::default(); groups.batches.longest()];
+        groups.ways = vec![Vec3A::ZERO; groups.batches.longest()];
         groups.pose(particles, &RestPose::default());
-        groups.ways = vec![Vec3A::ZERO; rings.iter().map(Vec::len).max().unwrap_or(0)];
-        groups.moment = (0..n).map(|i| second_moment(particles, i)).collect();
-        groups.rest_where_held(explicit);
         groups
     }
 
@@ -101,6 +133,52 @@ impl ImplicitGroups {
                 None => q,
             };
         }
+    }
+
+    /// The members of group `g`; the first is the particle that it belongs to.
+    ///
+    /// # Panics
+    ///
+    /// If there is no group `g`; so do the next two.
+    #[inline]
+    pub fn members(&self, g: usize) -> &[u32] {
+        &self.members[self.row(g)]
+    }
+
+    /// x̄_i − c̄, where each member of group `g` is at rest, relative to its group's centre of mass \[m\].
+    #[inline]
+    pub fn rest(&self, g: usize) -> &[Vec3A] {
+        &self.rest[self.row(g)]
+    }
+
+    /// Which of all groups' members those of group `g` are.
+    #[inline]
+    pub fn row(&self, g: usize) -> Range<usize> {
+        self.rows[g] as usize..self.rows[g + 1] as usize
+    }
+
+    /// How many members all groups have together.
+    #[inline]
+    pub fn member_count(&self) -> usize {
+        self.members.len()
+    }
+
+    /// How many batches of groups that share no particle there are.
+    #[inline]
+    pub fn batch_count(&self) -> usize {
+        self.batches.len()
+    }
+
+    /// B_i = (m_i/5)·Q_i·diag(a², b², c²)·Q_iᵀ \[kg·m²\], the second moment of particle `i` at rest.
+    ///
+    /// An ellipsoid turned by R_i contributes A_i = ∫ (R_i·ȳ)·ȳᵀ dm = R_i·B_i to a group. (m/5·diag(a², b², c²)·R_i, as often printed, depends on the frame of reference.)
+    ///
+    /// # Panics
+    ///
+    /// If there is no particle `i`.
+    #[inline]
+    pub fn moment(&self, i: usize) -> Mat3A {
+        self.moment[i]
     }
 
     /// Number of groups.

@@ -18,6 +18,7 @@
 //!
 //! SI throughout: m, kg, s, rad. Stiffness is a frequency in hertz, see [`Stiffness`].
 
+mod batches;
 #[cfg(test)]
 mod beam_tests;
 mod block_cholesky;
@@ -52,7 +53,9 @@ mod integrate;
 mod joint_tests;
 mod joints;
 mod landing;
+mod lanes;
 mod limb;
+mod match_batch;
 mod material;
 mod math;
 mod momentum;

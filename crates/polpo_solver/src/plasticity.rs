@@ -35,7 +35,8 @@ pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, pose: &R
     if plasticity.share(f32::INFINITY, dt) <= 0.0 {
         return;
     }
-    let ImplicitGroups { rows, members, rest, rotation, held, rest_rotation, flow, ways, moment, .. } = groups;
+    let ImplicitGroups { rows, members, rest, rotation, held, rest_rotation, flow, ways, moment, batches, .. } = groups;
+    let mut flowed = false;
     for (g, ends) in rows.windows(2).enumerate() {
         let row = ends[0] as usize..ends[1] as usize;
         let group = Group { members: &members[row.clone()], moment, turned: rest_rotation, particles };
@@ -66,7 +67,11 @@ pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, pose: &R
                 // To the bit what the pose and the flow make together, so that those two are all there is to know.
                 *r = made(i) + turn * *f;
             }
+            flowed = true;
         }
+    }
+    if flowed {
+        batches.rest(rows, rest);
     }
 }
 

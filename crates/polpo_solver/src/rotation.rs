@@ -3,7 +3,9 @@
 use glam::{Mat3A, Quat, Vec3A};
 
 /// Below this length of the last step \[rad\] the answer is taken: the next one would be shorter than its square.
-const TOLERANCE: f32 = 3e-4;
+pub(crate) const TOLERANCE: f32 = 3e-4;
+/// A Hessian of a matrix of unit norm, whose trace is at most 2·√3, with a determinant below this has an eigenvalue too close to zero for single precision.
+pub(crate) const DEFINITE: f32 = 1e-5;
 /// No step turns by more than about this \[rad\]: far from the optimum the quadratic model is not to be trusted.
 const STEP_CAP: f32 = 1.0;
 /// Eigenvalues of the Hessian are taken to be at least this, for a matrix of unit norm: a direction the matrix says nothing about is not turned in by noise.
@@ -83,9 +85,7 @@ impl Symmetric {
         let c11 = self.xx * self.zz - self.xz * self.xz;
         let c12 = self.xy * self.xz - self.xx * self.yz;
         let c22 = self.xx * self.yy - self.xy * self.xy;
-        // The Hessian of a matrix of unit norm has a trace of at most 2·√3; a determinant below this has an eigenvalue
-        // too close to zero for single precision.
-        if self.xx > 0.0 && c22 > 0.0 && det > 1e-5 {
+        if self.xx > 0.0 && c22 > 0.0 && det > DEFINITE {
             let d = 1.0 / det;
             Some(Vec3A::new(c00 * g.x + c01 * g.y + c02 * g.z, c01 * g.x + c11 * g.y + c12 * g.z, c02 * g.x + c12 * g.y + c22 * g.z) * d)
         } else {

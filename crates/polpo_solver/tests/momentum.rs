@@ -49,17 +49,8 @@ fn one_group(seed: u64, round: bool, way: f32, angle: f32) -> (Random, Particles
     let mut random = Random(seed);
     let n = 2 + random.below(7);
     let mut p = cloud(&mut random, n, round);
-    let pairs: Vec<[u32; 2]> = (1..n as u32).map(|j| [0, j]).collect();
-    let edges = Edges::new(&p, &pairs).expect("sound edges");
-    let mut groups = ImplicitGroups::new(&p, &edges);
-    // Only the first particle's: the others' groups of two would act after it, where it has moved them.
-    let middle = (0..groups.len()).find(|&g| groups.members[groups.rows[g] as usize] == 0).expect("its group");
-    let row = groups.rows[middle] as usize..groups.rows[middle + 1] as usize;
-    groups.members = groups.members[row.clone()].to_vec();
-    groups.rest = groups.rest[row].to_vec();
-    groups.rows = vec![0, n as u32];
-    groups.rotation = vec![groups.rotation[middle]];
-    groups.colors = vec![0, 1];
+    let members: Vec<u32> = (0..n as u32).collect();
+    let groups = ImplicitGroups::of(&p, &[&members]).expect("sound members");
     stir(&mut random, &mut p, way, angle);
     (random, p, groups)
 }
@@ -229,11 +220,11 @@ proptest! {
         let mut edges = Edges::new(&p, &pairs(&p, 0.5)).unwrap();
         stir(&mut random, &mut p, 0.2, 1.0);
         let before = p.clone();
-        let rest = (groups.rest.clone(), edges.rest_length.clone());
+        let rest = (groups.rest(0).to_vec(), edges.rest_length.clone());
         let plasticity = Plasticity { yield_strain: 0.0, creep: random.between(0.1, 100.0), maximum: 0.5 };
         creep_shapes(&mut groups, &p, &RestPose::default(), plasticity, DT);
         creep_edges(&mut edges, &p, &RestPose::default(), plasticity, DT);
-        prop_assert!(groups.rest != rest.0 && edges.rest_length != rest.1);
+        prop_assert!(groups.rest(0) != rest.0 && edges.rest_length != rest.1);
         prop_assert_eq!(p, before);
     }
 }

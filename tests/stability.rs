@@ -293,7 +293,7 @@ fn run(rate: f64) -> Vec<Run> {
     let mut done = Vec::new();
     for substeps in [1, 8] {
         let mut app = simulation_at(rate);
-        app.insert_resource(SolverSettings { substeps, iterations: 1 });
+        app.insert_resource(SolverSettings { substeps, iterations: 1, ..default() });
         let mut runs = Vec::new();
         for (index, case) in Case::all(rate, substeps).into_iter().enumerate() {
             runs.push(case.spawn(&mut app, index % 315));

@@ -104,7 +104,7 @@ fn a_body_that_breaks_is_frozen_where_it_was_and_the_others_go_on() {
 fn nonsense_parameters_do_not_panic() {
     for value in [f32::NAN, -1.0, f32::INFINITY, 1e30, 0.0] {
         let mut app = app();
-        app.insert_resource(SolverSettings { substeps: 0, iterations: 0 });
+        app.insert_resource(SolverSettings { substeps: 0, iterations: 0, ..default() });
         let body = app
             .world_mut()
             .spawn((
@@ -134,7 +134,7 @@ fn nonsense_parameters_do_not_panic() {
 fn too_many_substeps_and_iterations_are_cut() {
     let run = |substeps: u32, iterations: u32| {
         let mut app = simulation();
-        app.insert_resource(SolverSettings { substeps, iterations });
+        app.insert_resource(SolverSettings { substeps, iterations, ..default() });
         app.world_mut().spawn(SoftBody::new(lattice(0.1)));
         steps(&mut app, 1);
         let mut bodies = app.world_mut().query::<&Particles>();

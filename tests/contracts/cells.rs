@@ -75,7 +75,7 @@ fn sag(across: u32, size: f32, rods: impl Fn(Cells) -> Rods, substeps: Option<u3
     app.world_mut().entity_mut(body).insert(Pins { list });
     steps(&mut app, 1);
     let needed = app.world().get::<CalibratedEdges>(body).unwrap().substeps_needed();
-    app.insert_resource(SolverSettings { substeps: substeps.unwrap_or(needed), iterations: 2 });
+    app.insert_resource(SolverSettings { substeps: substeps.unwrap_or(needed), iterations: 2, ..default() });
     steps(&mut app, 240);
     assert_eq!(app.world().get::<CalibratedEdges>(body).unwrap().fidelity(), RodFidelity::True);
     assert!(app.world().get::<Edges>(body).unwrap().is_empty(), "what the rig had between the cells is not theirs");

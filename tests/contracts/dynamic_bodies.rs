@@ -99,7 +99,7 @@ struct Crush {
 /// The slab is flat and wide: a tall box would tip off a jelly whose stiffness against tilting is less than m·g·h, and should.
 fn crush(n: usize, stiffness: f32, mass: f32, rate: f32, substeps: u32) -> Crush {
     let mut app = simulation_at(f64::from(rate));
-    app.insert_resource(SolverSettings { substeps, iterations: 1 });
+    app.insert_resource(SolverSettings { substeps, iterations: 1, ..default() });
     floor(&mut app);
     let body = jelly(&mut app, cube(n, 0.6, 1.0), Vec3::Y * 0.3, Vec3::ZERO);
     let damped = (ShapeMatching::new(Stiffness::damped(stiffness, 1.0)), Damping { drag: 0.0, internal: 20.0 });

@@ -32,7 +32,7 @@ fn floor(app: &mut App) {
 #[test]
 fn a_free_top_turns_over_in_time() {
     let mut app = simulation();
-    app.insert_resource(Gravity(Vec3::ZERO)).insert_resource(SolverSettings { substeps: 20, iterations: 2 });
+    app.insert_resource(Gravity(Vec3::ZERO)).insert_resource(SolverSettings { substeps: 20, iterations: 2, ..default() });
     let at = [Vec3::X, -Vec3::X, Vec3::Y * 0.8, Vec3::Y * -0.8, Vec3::Z * 0.5, Vec3::Z * -0.5];
     // Edges that tie everything to everything must not get in the way, nor damping.
     let edges = (0..6).flat_map(|i| (i + 1..6).map(move |j| [i, j])).collect();
@@ -59,7 +59,7 @@ fn a_free_top_turns_over_in_time() {
 fn a_wheel_keeps_its_spin_for_ten_seconds() {
     for (substeps, iterations) in [(1, 1), (5, 3), (20, 1)] {
         let mut app = simulation();
-        app.insert_resource(Gravity(Vec3::ZERO)).insert_resource(SolverSettings { substeps, iterations });
+        app.insert_resource(Gravity(Vec3::ZERO)).insert_resource(SolverSettings { substeps, iterations, ..default() });
         let at: Vec<Vec3> = (0..12).map(|i| Quat::from_rotation_z(i as f32 * core::f32::consts::PI / 6.0) * Vec3::X * 0.4).collect();
         let edges = (0..11).map(|i| [i, i + 1]).collect();
         let spin = InitialVelocity { linear: Vec3::X, angular: Vec3::Z * 10.0 };

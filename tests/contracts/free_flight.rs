@@ -58,7 +58,7 @@ fn angular_momentum_is_exact_to_1e_4() {
 #[test]
 fn a_tumbling_octopus_keeps_its_shape_to_1e_3_of_its_size() {
     let mut app = simulation();
-    app.insert_resource(SolverSettings { substeps: 20, iterations: 1 });
+    app.insert_resource(SolverSettings { substeps: 20, iterations: 1, ..default() });
     let spin = Vec3::new(0.6, 0.3, 0.2);
     let body = octopus(&mut app, Vec3::new(0.0, 2.0, 0.0), spin, f32::INFINITY);
     app.world_mut().entity_mut(body).remove::<Damping>();

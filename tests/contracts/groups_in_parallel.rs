@@ -35,7 +35,7 @@ fn groups(particles: &Particles, index: usize) -> ExplicitGroups {
 }
 
 fn scene(app: &mut App) {
-    app.insert_resource(SolverSettings { substeps: 4, iterations: 2 });
+    app.insert_resource(SolverSettings { substeps: 4, iterations: 2, ..default() });
     let mut world = app.world_mut().resource_mut::<RapierWorld>();
     world.insert_fixed(ColliderBuilder::cuboid(9.0, 0.5, 9.0).translation(Vec3::NEG_Y * 0.5).friction(0.7));
     let RapierWorld { bodies, colliders, .. } = &mut *world;

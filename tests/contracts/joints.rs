@@ -80,7 +80,7 @@ fn a_double_pendulum_swings_as_two_rods_do() {
     for (upper, lower) in [(0.1, 0.1), (0.01, 1.0), (1.0, 0.01)] {
         let mass = |i: usize| if i <= 4 { upper } else { lower };
         let mut app = simulation();
-        app.insert_resource(SolverSettings { substeps: 20, iterations: 1 });
+        app.insert_resource(SolverSettings { substeps: 20, iterations: 1, ..default() });
         let at: Vec<Vec3> = (0..9).map(|i| Vec3::X * (0.125 * i as f32)).collect();
         let body = app.world_mut().spawn((SoftBody::new(rig(&at, mass, 0.03)), rigid(&[&[0, 1, 2, 3, 4], &[4, 5, 6, 7, 8]]))).id();
         let nail = place(&app, body, 0);
@@ -128,7 +128,7 @@ fn a_door_swings_about_its_hinges() {
     let axis = upright * Vec3::Y;
     for (frame, edge) in [(1.0, 1.0), (1.0, 100.0), (100.0, 1.0)] {
         let mut app = simulation();
-        app.insert_resource(SolverSettings { substeps: 20, iterations: 1 });
+        app.insert_resource(SolverSettings { substeps: 20, iterations: 1, ..default() });
         // Hinges at 0 and 1; the frame; the door, which hangs down to +z where the axis leans.
         let start = Quat::from_axis_angle(axis, 40f32.to_radians());
         let frame_at = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [-0.3, -1.0, 0.0], [-0.3, 1.0, 0.0]].map(|x| upright * Vec3::from(x));

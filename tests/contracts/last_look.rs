@@ -60,7 +60,7 @@ fn a_body_at_100_metres_a_second_stays_in_its_corner() {
             for (rate, substeps) in [(15.0, 1), (15.0, 5), (60.0, 1), (60.0, 5)] {
                 for held in [false, true] {
                     let mut app = simulation_at(rate);
-                    app.insert_resource(SolverSettings { substeps, iterations: 1 });
+                    app.insert_resource(SolverSettings { substeps, iterations: 1, ..default() });
                     rapier(&mut app).insert_fixed(room.clone());
                     let velocity = InitialVelocity { linear: Vec3::new(0.6, -0.48, 0.64) * 100.0, angular: Vec3::new(3.0, 5.0, 1.0) };
                     let body = app.world_mut().spawn((SoftBody::new(rig.clone()), velocity)).id();
@@ -101,7 +101,7 @@ fn what_goes_round_an_edge_is_not_held_by_it() {
             for speed in [1.0, 4.0, 40.0] {
                 for (rate, substeps) in [(15.0, 1), (60.0, 5)] {
                     let mut app = simulation_at(rate);
-                    app.insert_resource(SolverSettings { substeps, iterations: 1 });
+                    app.insert_resource(SolverSettings { substeps, iterations: 1, ..default() });
                     rapier(&mut app).insert_fixed(obstacle.clone().translation(Vec3::Y * -2.0).friction(0.0));
                     let place = Transform::from_xyz(0.6, 0.5, 0.0).with_rotation(Quat::from_rotation_y(0.7));
                     let velocity = InitialVelocity { linear: Vec3::new(speed, -1.0, 0.0), angular: Vec3::Z * -2.0 };
@@ -134,7 +134,7 @@ fn what_colliders_carry_and_push_is_not_put_back() {
         for (kind, rig) in [("ball", row(1, 0.1)), ("lattice", lattice(0.2))] {
             for (rate, substeps) in [(15.0, 5), (60.0, 1), (60.0, 5)] {
                 let mut app = simulation_at(rate);
-                app.insert_resource(SolverSettings { substeps, iterations: 1 });
+                app.insert_resource(SolverSettings { substeps, iterations: 1, ..default() });
                 let mut world = rapier(&mut app);
                 let world = &mut *world;
                 let driven = world.bodies.insert(RigidBodyBuilder::kinematic_velocity_based().linvel(linear).angvel(angular));
@@ -158,7 +158,7 @@ fn what_a_paddle_hits_stays_in_the_room() {
         for (kind, rig) in [("ball", row(1, 0.1)), ("lattice", lattice(0.2))] {
             for (rate, substeps) in [(60.0, 1), (60.0, 5), (240.0, 5)] {
                 let mut app = simulation_at(rate);
-                app.insert_resource(SolverSettings { substeps, iterations: 1 });
+                app.insert_resource(SolverSettings { substeps, iterations: 1, ..default() });
                 let mut world = rapier(&mut app);
                 let world = &mut *world;
                 world.insert_fixed(room.clone());

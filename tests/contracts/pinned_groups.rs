@@ -39,7 +39,7 @@ fn pin(app: &mut App, body: Entity, list: Vec<Pin>) {
 
 fn weighing() -> App {
     let mut app = simulation();
-    app.insert_resource(SolverSettings { substeps: 20, iterations: 1 }).init_resource::<Broken>().init_resource::<Steps>();
+    app.insert_resource(SolverSettings { substeps: 20, iterations: 1, ..default() }).init_resource::<Broken>().init_resource::<Steps>();
     app.add_observer(|broken: On<PinBroken>, steps: Res<Steps>, mut all: ResMut<Broken>| {
         all.0.push((steps.0, broken.pin.particle, broken.force));
     });

@@ -16,7 +16,7 @@ fn rope(app: &mut App, solve: RodSolve) -> Entity {
     let rig = Rig { mesh_hash: MeshHash(0), particles: (0..COUNT).map(particle).collect(), edges, skin: vec![] };
     let material = Material { youngs_modulus: 2e6, poissons_ratio: 0.4, density: 1000.0 };
     let rods = Rods { solve, ..Rods::new(material, Section::circle(0.02)) };
-    app.insert_resource(Gravity(Vec3::ZERO)).insert_resource(SolverSettings { substeps: 12, iterations: 1 });
+    app.insert_resource(Gravity(Vec3::ZERO)).insert_resource(SolverSettings { substeps: 12, iterations: 1, ..default() });
     let body = app.world_mut().spawn((SoftBody::new(rig), rods, Damping { drag: 0.0, internal: 6.0 })).id();
     app.world_mut().entity_mut(body).remove::<(Collision, BodyContact)>();
     body

@@ -43,16 +43,16 @@ fn a_swept_bar_sags_by_its_weight_and_says_how_many_substeps_it_needs() {
     let mut app = simulation();
     let (rods, exact) = rubber(RodSolve::Sweep { spin_radius: 0.12 });
     let (body, wall) = clamped(&mut app, rods, 3.0);
-    app.insert_resource(SolverSettings { substeps: 2, iterations: 3 });
+    app.insert_resource(SolverSettings { substeps: 2, iterations: 3, ..default() });
     steps(&mut app, 400);
     let (trust, needed) = fidelity(&app, body);
     assert!(trust == RodFidelity::Meaningless && (5..20).contains(&needed), "{trust:?} {needed}");
     let sag = wall.y - place(&app, body, 8).y;
     assert!(sag > 2.0 * exact, "{sag}");
-    app.insert_resource(SolverSettings { substeps: needed - 1, iterations: 3 });
+    app.insert_resource(SolverSettings { substeps: needed - 1, iterations: 3, ..default() });
     steps(&mut app, 1);
     assert_eq!(fidelity(&app, body), (RodFidelity::Soft, needed));
-    app.insert_resource(SolverSettings { substeps: needed, iterations: 3 });
+    app.insert_resource(SolverSettings { substeps: needed, iterations: 3, ..default() });
     steps(&mut app, 400);
     assert_eq!(fidelity(&app, body), (RodFidelity::True, needed));
     let sag = wall.y - place(&app, body, 8).y;
@@ -63,7 +63,7 @@ fn a_swept_bar_sags_by_its_weight_and_says_how_many_substeps_it_needs() {
 #[test]
 fn a_bar_solved_directly_sags_so_with_one_substep() {
     let mut app = simulation();
-    app.insert_resource(SolverSettings { substeps: 1, iterations: 3 });
+    app.insert_resource(SolverSettings { substeps: 1, iterations: 3, ..default() });
     let (rods, exact) = rubber(RodSolve::Direct);
     let (body, wall) = clamped(&mut app, rods, 3.0);
     steps(&mut app, 400);
@@ -80,7 +80,7 @@ fn a_pin_feels_the_rods_pull() {
     struct Broken(Option<f32>);
     for solve in [RodSolve::Direct, RodSolve::Sweep { spin_radius: 0.12 }] {
         let mut app = simulation();
-        app.insert_resource(SolverSettings { substeps: 12, iterations: 1 });
+        app.insert_resource(SolverSettings { substeps: 12, iterations: 1, ..default() });
         app.init_resource::<Broken>().add_observer(|broken: On<PinBroken>, mut last: ResMut<Broken>| last.0 = Some(broken.force));
         let (rods, _) = rubber(solve);
         let (body, wall) = clamped(&mut app, rods, 3.0);

@@ -15,7 +15,7 @@ fn measured(rate: f64, substeps: u32) -> f32 {
     app.add_plugins((MinimalPlugins, PolpoPlugin::default()))
         .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
         .insert_resource(Time::<Fixed>::from_hz(rate))
-        .insert_resource(SolverSettings { substeps, iterations: 1 })
+        .insert_resource(SolverSettings { substeps, iterations: 1, ..default() })
         .insert_resource(Gravity(Vec3::ZERO));
     app.finish();
     let body = app.world_mut().spawn((SoftBody::new(rig), DistanceConstraints::new(Stiffness::hertz(3.0)))).id();

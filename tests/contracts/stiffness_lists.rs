@@ -24,7 +24,7 @@ fn three_pairs() -> (App, Entity) {
     app.add_plugins((MinimalPlugins, PolpoPlugin::default()))
         .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
         .insert_resource(Time::<Fixed>::from_hz(f64::from(RATE)))
-        .insert_resource(SolverSettings { substeps: 1, iterations: 1 })
+        .insert_resource(SolverSettings { substeps: 1, iterations: 1, ..default() })
         .insert_resource(Gravity(Vec3::ZERO));
     app.finish();
     let body = app.world_mut().spawn(SoftBody::new(rig)).id();

@@ -56,7 +56,7 @@ pub fn random_scene(app: &mut App, seed: u64) {
     let mut random = Random(seed);
     app.add_systems(FixedUpdate, flex);
     app.insert_resource(Wind(random.vector() * 3.0));
-    app.insert_resource(SolverSettings { substeps: 3 + random.below(4) as u32, iterations: 1 + random.below(2) as u32 });
+    app.insert_resource(SolverSettings { substeps: 3 + random.below(4) as u32, iterations: 1 + random.below(2) as u32, ..default() });
     let mut world = app.world_mut().resource_mut::<RapierWorld>();
     let dynamic = add_colliders(&mut world, &mut random);
     let hook = app.world_mut().spawn((Transform::default(), RigidBodyFollower(dynamic))).id();

@@ -86,6 +86,11 @@ pub struct SolverSettings {
     ///
     /// With several, each constraint remembers what it has done in the substep, so that the stiffness stays what was asked for; that costs memory and a little time. Prefer substeps.
     pub iterations: u32,
+    /// Whether a step gives the same bits on processors of every kind. Default: only on those of one kind (the same bits each run and for every number of threads it gives in any case).
+    ///
+    /// Processors that can multiply and add in one instruction, which are all of x86 since 2013 and of 64-bit ARM, round such a pair once instead of twice. Set, it is done in two instructions everywhere, and shape matching
+    /// takes a fifth longer.
+    pub deterministic: bool,
 }
 
 impl SolverSettings {
@@ -96,13 +101,13 @@ impl SolverSettings {
 
     /// The same with both within their ranges: what the step takes.
     pub(crate) fn in_range(self) -> Self {
-        Self { substeps: self.substeps.clamp(1, Self::MOST_SUBSTEPS), iterations: self.iterations.clamp(1, Self::MOST_ITERATIONS) }
+        Self { substeps: self.substeps.clamp(1, Self::MOST_SUBSTEPS), iterations: self.iterations.clamp(1, Self::MOST_ITERATIONS), ..self }
     }
 }
 
 impl Default for SolverSettings {
     fn default() -> Self {
-        Self { substeps: 5, iterations: 1 }
+        Self { substeps: 5, iterations: 1, deterministic: false }
     }
 }
 
@@ -117,12 +122,14 @@ pub struct SubstepTime {
     pub iteration: u32,
     /// How many iterations a substep has.
     pub iterations: u32,
+    /// As in [`SolverSettings::deterministic`].
+    pub deterministic: bool,
 }
 
 impl SubstepTime {
     /// The running iteration, as the solver wants it told.
     pub fn sweep(&self) -> Sweep {
-        Sweep { dt: self.delta, index: self.iteration, count: self.iterations }
+        Sweep { dt: self.delta, index: self.iteration, count: self.iterations, deterministic: self.deterministic }
     }
 }
 
@@ -247,14 +254,14 @@ impl Plugin for PolpoPlugin {
 /// One step is `substeps` runs of [`SubstepSchedule`]. A step of no, negative or non-finite duration does nothing.
 fn run_substeps(world: &mut World) {
     let step = world.get_resource::<Time>().map_or(0.0, Time::delta_secs);
-    let SolverSettings { substeps, iterations } = world.resource::<SolverSettings>().in_range();
+    let SolverSettings { substeps, iterations, deterministic } = world.resource::<SolverSettings>().in_range();
     let delta = step / substeps as f32;
     if !(delta > 0.0 && delta.is_finite()) {
         return;
     }
     let _ = world.try_schedule_scope(SubstepSchedule, |world, schedule| {
         for index in 0..substeps {
-            *world.resource_mut::<SubstepTime>() = SubstepTime { delta, index, iteration: 0, iterations };
+            *world.resource_mut::<SubstepTime>() = SubstepTime { delta, index, iteration: 0, iterations, deterministic };
             schedule.run(world);
         }
     });

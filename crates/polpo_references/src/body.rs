@@ -164,7 +164,7 @@ impl Body {
         predict_explicit(&mut self.explicit, &mut self.particles, dt);
         let before = (self.keep_momentum && !self.is_pinned()).then(|| momentum(&self.particles).angular);
         for index in 0..iterations {
-            self.sweep(Sweep { dt, index, count: iterations });
+            self.sweep(Sweep { index, count: iterations, ..Sweep::only(dt) });
         }
         if let Some(before) = before {
             restore_angular_momentum(&mut self.particles, before, dt);

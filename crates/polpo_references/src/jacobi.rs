@@ -133,8 +133,8 @@ mod tests {
         for divisor in [Divisor::Most, Divisor::Implicit] {
             let mut body = shaken(divisor);
             body.shape = Stiffness::hertz(40.0);
-            body.sweep(Sweep { dt: 0.01, index: 0, count: 2 });
-            body.sweep(Sweep { dt: 0.01, index: 1, count: 2 });
+            body.sweep(Sweep { count: 2, ..Sweep::only(0.01) });
+            body.sweep(Sweep { index: 1, count: 2, ..Sweep::only(0.01) });
             let carried = body.carried();
             let moved: DVec3 = body.particles.velocity.iter().map(|v| v.as_dvec3().abs()).sum();
             assert!(moved.length() > 0.1 && carried.linear.length() < 1e-5 * moved.length(), "{carried:?} {moved}");

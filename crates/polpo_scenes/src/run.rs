@@ -93,6 +93,7 @@ pub(crate) fn add_simulation(app: &mut App, name: &'static str, options: &Option
     app.insert_resource(SolverSettings {
         substeps: options.substeps.unwrap_or(defaults.substeps),
         iterations: options.iterations.unwrap_or(defaults.iterations),
+        ..defaults
     })
     .insert_resource(Time::<Fixed>::from_duration(Duration::from_secs_f64(1.0 / RATE)))
     .insert_resource(Recorder::new(name))

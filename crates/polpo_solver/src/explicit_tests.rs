@@ -471,7 +471,7 @@ fn moving_pins_carry_and_sweeps_agree() {
         predict(&mut q, Vec3A::ZERO, dt);
         predict_explicit(&mut twice, &mut q, dt);
         for index in 0..3 {
-            match_explicit_groups(&mut twice, &mut q, Sweep { dt, index, count: 3 });
+            match_explicit_groups(&mut twice, &mut q, Sweep { index, count: 3, ..Sweep::only(dt) });
         }
         land_explicit_groups(&mut twice, &mut q, dt);
         integrate(&mut q, dt, 0.0);

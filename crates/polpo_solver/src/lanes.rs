@@ -1,11 +1,9 @@
 //! Eight lanes side by side: vectors and quaternions of which each component is a vector register, and how they are gathered from particles.
-//!
-//! Only operations that IEEE 754 rounds exactly are used, and no fused multiply-add: the same input gives the same bits whatever the instruction set, from plain scalars to AVX-512.
 
-use core::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
+use core::ops::{Add, AddAssign, Mul, Sub};
 
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x4, f32x8};
+use fearless_simd::{f32x4, f32x8, mask32x8};
 use glam::{Quat, Vec3A, Vec4};
 
 /// How many lanes there are.
@@ -13,6 +11,13 @@ pub(crate) const LANES: usize = 8;
 
 /// One number a lane, in memory.
 pub(crate) type Lane = [f32; LANES];
+
+/// The instructions to compute with, and the arithmetic that depends on how they round.
+///
+/// All other operations round as IEEE 754 says, on every processor alike. A multiply-add does too unless it is `FUSED` and the processor can do it in one; then it rounds once, and the result differs in the last bit from
+/// that of a processor that cannot.
+#[derive(Clone, Copy)]
+pub(crate) struct Lanes<S: Simd, const FUSED: bool>(pub(crate) S);
 
 /// A vector a lane.
 #[derive(Clone, Copy)]
@@ -39,35 +44,161 @@ pub(crate) struct Mat3x8<S: Simd> {
     pub(crate) z: Vec3x8<S>,
 }
 
+impl<S: Simd, const FUSED: bool> Lanes<S, FUSED> {
+    #[inline(always)]
+    pub(crate) fn splat(self, value: f32) -> f32x8<S> {
+        f32x8::splat(self.0, value)
+    }
+
+    #[inline(always)]
+    pub(crate) fn load(self, from: &Lane) -> f32x8<S> {
+        f32x8::load_array_ref(self.0, from)
+    }
+
+    #[inline(always)]
+    pub(crate) fn load_vector(self, [x, y, z]: &[Lane; 3]) -> Vec3x8<S> {
+        Vec3x8 { x: self.load(x), y: self.load(y), z: self.load(z) }
+    }
+
+    #[inline(always)]
+    pub(crate) fn load_quat(self, [x, y, z, w]: &[Lane; 4]) -> Quatx8<S> {
+        Quatx8 { x: self.load(x), y: self.load(y), z: self.load(z), w: self.load(w) }
+    }
+
+    #[inline(always)]
+    pub(crate) fn zero(self) -> Vec3x8<S> {
+        let zero = self.splat(0.0);
+        Vec3x8 { x: zero, y: zero, z: zero }
+    }
+
+    /// a·b + c
+    #[inline(always)]
+    pub(crate) fn mul_add(self, a: f32x8<S>, b: f32x8<S>, c: f32x8<S>) -> f32x8<S> {
+        if FUSED { a.mul_add(b, c) } else { a * b + c }
+    }
+
+    /// c − a·b
+    #[inline(always)]
+    pub(crate) fn sub_mul(self, c: f32x8<S>, a: f32x8<S>, b: f32x8<S>) -> f32x8<S> {
+        if FUSED { (-a).mul_add(b, c) } else { c - a * b }
+    }
+
+    /// v·k + c
+    #[inline(always)]
+    pub(crate) fn scale_add(self, v: Vec3x8<S>, k: f32x8<S>, c: Vec3x8<S>) -> Vec3x8<S> {
+        Vec3x8 { x: self.mul_add(v.x, k, c.x), y: self.mul_add(v.y, k, c.y), z: self.mul_add(v.z, k, c.z) }
+    }
+
+    #[inline(always)]
+    pub(crate) fn dot(self, a: Vec3x8<S>, b: Vec3x8<S>) -> f32x8<S> {
+        self.mul_add(a.z, b.z, self.mul_add(a.y, b.y, a.x * b.x))
+    }
+
+    #[inline(always)]
+    pub(crate) fn length_squared(self, a: Vec3x8<S>) -> f32x8<S> {
+        self.dot(a, a)
+    }
+
+    /// The matrix times a vector, plus another.
+    #[inline(always)]
+    pub(crate) fn transform_add(self, m: Mat3x8<S>, v: Vec3x8<S>, c: Vec3x8<S>) -> Vec3x8<S> {
+        self.scale_add(m.z, v.z, self.scale_add(m.y, v.y, self.scale_add(m.x, v.x, c)))
+    }
+
+    /// The product a·b.
+    #[inline(always)]
+    pub(crate) fn product(self, a: Quatx8<S>, b: Quatx8<S>) -> Quatx8<S> {
+        Quatx8 {
+            x: self.sub_mul(self.mul_add(a.y, b.z, self.mul_add(a.x, b.w, a.w * b.x)), a.z, b.y),
+            y: self.sub_mul(self.mul_add(a.z, b.x, self.mul_add(a.y, b.w, a.w * b.y)), a.x, b.z),
+            z: self.sub_mul(self.mul_add(a.x, b.y, self.mul_add(a.z, b.w, a.w * b.z)), a.y, b.x),
+            w: self.sub_mul(self.sub_mul(self.sub_mul(a.w * b.w, a.x, b.x), a.y, b.y), a.z, b.z),
+        }
+    }
+
+    /// The product a·b⁻¹ of unit quaternions.
+    #[inline(always)]
+    pub(crate) fn quotient(self, a: Quatx8<S>, b: Quatx8<S>) -> Quatx8<S> {
+        Quatx8 {
+            x: self.sub_mul(self.mul_add(a.z, b.y, self.sub_mul(a.x * b.w, a.w, b.x)), a.y, b.z),
+            y: self.sub_mul(self.mul_add(a.x, b.z, self.sub_mul(a.y * b.w, a.w, b.y)), a.z, b.x),
+            z: self.sub_mul(self.mul_add(a.y, b.x, self.sub_mul(a.z * b.w, a.w, b.z)), a.x, b.y),
+            w: self.mul_add(a.z, b.z, self.mul_add(a.y, b.y, self.mul_add(a.x, b.x, a.w * b.w))),
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn normalize(self, q: Quatx8<S>) -> Quatx8<S> {
+        let length2 = self.mul_add(q.w, q.w, self.length_squared(q.vector()));
+        let d = self.splat(1.0) / length2.sqrt();
+        Quatx8 { x: q.x * d, y: q.y * d, z: q.z * d, w: q.w * d }
+    }
+
+    #[inline(always)]
+    pub(crate) fn matrix(self, q: Quatx8<S>) -> Mat3x8<S> {
+        let one = self.splat(1.0);
+        let (x2, y2, z2) = (q.x + q.x, q.y + q.y, q.z + q.z);
+        let (wx, wy, wz) = (q.w * x2, q.w * y2, q.w * z2);
+        let (yy, xx) = (self.sub_mul(one, q.y, y2), q.x * x2);
+        Mat3x8 {
+            x: Vec3x8 { x: self.sub_mul(yy, q.z, z2), y: self.mul_add(q.x, y2, wz), z: self.mul_add(q.x, z2, -wy) },
+            y: Vec3x8 { x: self.mul_add(q.x, y2, -wz), y: self.sub_mul(one - xx, q.z, z2), z: self.mul_add(q.y, z2, wx) },
+            z: Vec3x8 { x: self.mul_add(q.x, z2, wy), y: self.mul_add(q.y, z2, -wx), z: yy - xx },
+        }
+    }
+
+    /// `from[at[l]]` in lane l.
+    #[inline(always)]
+    pub(crate) fn gather(self, from: &[Vec3A], at: &[u32; LANES]) -> Vec3x8<S> {
+        let [x, y, z, _] = self.columns(|l| padded(from[at[l] as usize]));
+        Vec3x8 { x, y, z }
+    }
+
+    /// `from[at[l]]` in lane l.
+    #[inline(always)]
+    pub(crate) fn gather_quats(self, from: &[Quat], at: &[u32; LANES]) -> Quatx8<S> {
+        self.quats(|l| from[at[l] as usize])
+    }
+
+    #[inline(always)]
+    pub(crate) fn quats(self, quat: impl Fn(usize) -> Quat) -> Quatx8<S> {
+        let [x, y, z, w] = self.columns(|l| quat(l).into());
+        Quatx8 { x, y, z, w }
+    }
+
+    /// Eight rows of four as four columns of eight.
+    #[inline(always)]
+    fn columns(self, row: impl Fn(usize) -> Vec4) -> [f32x8<S>; 4] {
+        let load = |l: usize| f32x4::load_array(self.0, row(l).to_array());
+        let (xz, yw) = load(0).combine(load(1)).deinterleave(load(2).combine(load(3)));
+        let (xz2, yw2) = load(4).combine(load(5)).deinterleave(load(6).combine(load(7)));
+        let ((x, z), (y, w)) = (xz.deinterleave(xz2), yw.deinterleave(yw2));
+        [x, y, z, w]
+    }
+}
+
+/// The vector with anything for a fourth component: as it stands in memory.
+#[inline(always)]
+fn padded(v: Vec3A) -> Vec4 {
+    #[cfg(target_arch = "x86_64")]
+    return Vec4::from(core::arch::x86_64::__m128::from(v));
+    #[cfg(not(target_arch = "x86_64"))]
+    v.extend(0.0)
+}
+
 impl<S: Simd> Vec3x8<S> {
     #[inline(always)]
-    pub(crate) fn zero(simd: S) -> Self {
-        let zero = f32x8::splat(simd, 0.0);
-        Self { x: zero, y: zero, z: zero }
-    }
-
-    #[inline(always)]
-    pub(crate) fn load(simd: S, from: &[Lane; 3]) -> Self {
-        let [x, y, z] = from;
-        Self { x: f32x8::load_array_ref(simd, x), y: f32x8::load_array_ref(simd, y), z: f32x8::load_array_ref(simd, z) }
-    }
-
-    #[inline(always)]
-    pub(crate) fn store(self, to: &mut [Lane; 3]) {
-        let [x, y, z] = to;
+    pub(crate) fn store(self, [x, y, z]: &mut [Lane; 3]) {
         self.x.store_array(x);
         self.y.store_array(y);
         self.z.store_array(z);
     }
 
+    /// Where `mask` says so, zero elsewhere.
     #[inline(always)]
-    pub(crate) fn dot(self, other: Self) -> f32x8<S> {
-        self.x * other.x + self.y * other.y + self.z * other.z
-    }
-
-    #[inline(always)]
-    pub(crate) fn length_squared(self) -> f32x8<S> {
-        self.dot(self)
+    pub(crate) fn only(self, mask: mask32x8<S>) -> Self {
+        let zero = f32x8::splat(self.x.token(), 0.0);
+        Self { x: mask.select(self.x, zero), y: mask.select(self.y, zero), z: mask.select(self.z, zero) }
     }
 
     /// As columns, of which the fourth is anything.
@@ -84,73 +215,15 @@ impl<S: Simd> Quatx8<S> {
     }
 
     #[inline(always)]
-    pub(crate) fn conjugate(self) -> Self {
-        Self { x: -self.x, y: -self.y, z: -self.z, w: self.w }
-    }
-
-    #[inline(always)]
-    pub(crate) fn normalize(self) -> Self {
-        let length2 = self.x * self.x + self.y * self.y + self.z * self.z + self.w * self.w;
-        let d = f32x8::splat(length2.token(), 1.0) / length2.sqrt();
-        Self { x: self.x * d, y: self.y * d, z: self.z * d, w: self.w * d }
-    }
-
-    /// The product `self`·`other`.
-    #[inline(always)]
-    pub(crate) fn times(self, other: Self) -> Self {
-        let (a, b) = (self, other);
-        Self {
-            x: a.w * b.x + a.x * b.w + (a.y * b.z - a.z * b.y),
-            y: a.w * b.y + a.y * b.w + (a.z * b.x - a.x * b.z),
-            z: a.w * b.z + a.z * b.w + (a.x * b.y - a.y * b.x),
-            w: a.w * b.w - (a.x * b.x + a.y * b.y + a.z * b.z),
-        }
-    }
-
-    /// This, turned by the small vector 2·`half`, and normalised: see [`turned`](crate::shape_matching::turned).
-    #[inline(always)]
-    pub(crate) fn turned(self, half: Vec3x8<S>) -> Self {
-        let (a, b) = (half, self);
-        Self {
-            x: b.x + a.x * b.w + (a.y * b.z - a.z * b.y),
-            y: b.y + a.y * b.w + (a.z * b.x - a.x * b.z),
-            z: b.z + a.z * b.w + (a.x * b.y - a.y * b.x),
-            w: b.w - (a.x * b.x + a.y * b.y + a.z * b.z),
-        }
-        .normalize()
-    }
-
-    #[inline(always)]
-    pub(crate) fn matrix(self, simd: S) -> Mat3x8<S> {
-        let one = f32x8::splat(simd, 1.0);
-        let (x2, y2, z2) = (self.x + self.x, self.y + self.y, self.z + self.z);
-        let (xx, yy, zz) = (self.x * x2, self.y * y2, self.z * z2);
-        let (xy, xz, yz) = (self.x * y2, self.x * z2, self.y * z2);
-        let (wx, wy, wz) = (self.w * x2, self.w * y2, self.w * z2);
-        Mat3x8 {
-            x: Vec3x8 { x: one - (yy + zz), y: xy + wz, z: xz - wy },
-            y: Vec3x8 { x: xy - wz, y: one - (xx + zz), z: yz + wx },
-            z: Vec3x8 { x: xz + wy, y: yz - wx, z: one - (xx + yy) },
-        }
-    }
-
-    #[inline(always)]
     pub(crate) fn columns(self) -> [f32x8<S>; 4] {
         [self.x, self.y, self.z, self.w]
     }
-}
 
-impl<S: Simd> Mat3x8<S> {
     #[inline(always)]
-    pub(crate) fn zero(simd: S) -> Self {
-        let zero = Vec3x8::zero(simd);
-        Self { x: zero, y: zero, z: zero }
-    }
-
-    /// The product with a vector.
-    #[inline(always)]
-    pub(crate) fn times(self, v: Vec3x8<S>) -> Vec3x8<S> {
-        self.x * v.x + self.y * v.y + self.z * v.z
+    pub(crate) fn store(self, to: &mut [Lane; 4]) {
+        for (to, column) in to.iter_mut().zip(self.columns()) {
+            column.store_array(to);
+        }
     }
 }
 
@@ -177,13 +250,6 @@ impl<S: Simd> Sub for Vec3x8<S> {
     }
 }
 
-impl<S: Simd> SubAssign for Vec3x8<S> {
-    #[inline(always)]
-    fn sub_assign(&mut self, other: Self) {
-        *self = *self - other;
-    }
-}
-
 impl<S: Simd> Mul<f32x8<S>> for Vec3x8<S> {
     type Output = Self;
     #[inline(always)]
@@ -192,50 +258,7 @@ impl<S: Simd> Mul<f32x8<S>> for Vec3x8<S> {
     }
 }
 
-impl<S: Simd> Neg for Vec3x8<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self { x: -self.x, y: -self.y, z: -self.z }
-    }
-}
-
-/// `from[at[l]]` in lane l.
-#[inline(always)]
-pub(crate) fn gather<S: Simd>(simd: S, from: &[Vec3A], at: &[u32; LANES]) -> Vec3x8<S> {
-    let row = |l: usize| padded(from[at[l] as usize]);
-    let [x, y, z, _] = columns(simd, row);
-    Vec3x8 { x, y, z }
-}
-
-/// `from[at[l]]` in lane l.
-#[inline(always)]
-pub(crate) fn gather_quats<S: Simd>(simd: S, from: &[Quat], at: &[u32; LANES]) -> Quatx8<S> {
-    let row = |l: usize| Vec4::from(from[at[l] as usize]);
-    let [x, y, z, w] = columns(simd, row);
-    Quatx8 { x, y, z, w }
-}
-
-/// The vector with anything for a fourth component: as it stands in memory.
-#[inline(always)]
-fn padded(v: Vec3A) -> Vec4 {
-    #[cfg(target_arch = "x86_64")]
-    return Vec4::from(core::arch::x86_64::__m128::from(v));
-    #[cfg(not(target_arch = "x86_64"))]
-    v.extend(0.0)
-}
-
-/// Eight rows of four as four columns of eight.
-#[inline(always)]
-pub(crate) fn columns<S: Simd>(simd: S, row: impl Fn(usize) -> Vec4) -> [f32x8<S>; 4] {
-    let load = |l: usize| f32x4::load_array(simd, row(l).to_array());
-    let (xz, yw) = load(0).combine(load(1)).deinterleave(load(2).combine(load(3)));
-    let (xz2, yw2) = load(4).combine(load(5)).deinterleave(load(6).combine(load(7)));
-    let ((x, z), (y, w)) = (xz.deinterleave(xz2), yw.deinterleave(yw2));
-    [x, y, z, w]
-}
-
-/// Eight rows of four in memory.
+/// Eight rows of four, in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(32))]
 pub(crate) struct Rows([Lane; 4]);
@@ -243,8 +266,7 @@ pub(crate) struct Rows([Lane; 4]);
 impl Rows {
     /// Four columns of eight as rows.
     #[inline(always)]
-    pub(crate) fn store<S: Simd>(&mut self, columns: [f32x8<S>; 4]) {
-        let [x, y, z, w] = columns;
+    pub(crate) fn store<S: Simd>(&mut self, [x, y, z, w]: [f32x8<S>; 4]) {
         let ((xz, xz2), (yw, yw2)) = (x.interleave(z), y.interleave(w));
         let ((a, b), (c, d)) = (xz.interleave(yw), xz2.interleave(yw2));
         let [to_a, to_b, to_c, to_d] = &mut self.0;
@@ -255,7 +277,7 @@ impl Rows {
     }
 
     #[inline(always)]
-    pub(crate) fn row(&self, l: usize) -> Vec4 {
+    fn row(&self, l: usize) -> Vec4 {
         Vec4::from_slice(&self.0[l / 2][l % 2 * 4..])
     }
 

@@ -7,22 +7,32 @@
 //! A = Σ_i [ R_i·B_i + m_i·d_i·x̄_iᵀ ] − (Σ m_i·d_i)(Σ m_i·x̄_i)ᵀ/M,   d_i = x_i − x_0
 //! ```
 //!
-//! Lanes whose rotation is not found within a few of Newton's steps from the last one (where A is singular, reflected or far turned) are searched for one by one, by [`extract_rotation`].
+//! and logarithm and exponential of a turn are series, whose first term left out is below the rounding:
+//!
+//! ```text
+//! ½·log(v, w) = v·asin(|v|)/|v| = v·(1 + |v|²/6 + 3|v|⁴/40 + 5|v|⁶/112 + …),   |v|² < 1/16
+//! exp(h) = (h·(1 − |h|²/6 + |h|⁴/120 − …), 1 − |h|²/2 + |h|⁴/24 − |h|⁶/720 + …)
+//! ```
+//!
+//! Members that are turned further from their group than that, by half a radian, are turned one by one; so are lanes searched for by [`extract_rotation`] whose rotation is not found within a few of Newton's steps (where A is
+//! singular, reflected or far turned). The search starts from the last rotation, turned on by the spin of the group's particle, which leaves one step to do where the body tumbles.
 
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
 use glam::{Mat3A, Quat, Vec3A};
 
 use crate::batches::Slot;
-use crate::lanes::{LANES, Lane, Mat3x8, Quatx8, Rows, Vec3x8, columns as columns_of, gather, gather_quats};
-use crate::rotation::{DEFINITE, TOLERANCE};
+use crate::lanes::{LANES, Lane, Lanes, Mat3x8, Quatx8, Rows, Vec3x8};
+use crate::rotation::DEFINITE;
 use crate::shape_matching::{small_log, turned};
 use crate::{Particles, extract_rotation};
 
 /// After so many of Newton's steps a lane is left to the scalar search.
 const STEPS: usize = 5;
-/// Below this square of an angle \[rad²\], or of the sine of half of one, the short forms of [`small_log`] and [`turned`] hold.
-const SMALL: f32 = 0.01;
+/// Below this length of the last step \[rad\] the answer is taken: the next one would be shorter than its square.
+const TOLERANCE: f32 = 1e-3;
+/// Below this square of the sine of half an angle the series hold.
+const SMALL: f32 = 1.0 / 16.0;
 
 /// Scratch for one slot.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -56,85 +66,90 @@ impl BatchShare {
     }
 }
 
-/// Matches one batch. `rotation` has the last rotation of each lane's group, `live` which lanes have a member in each slot; `scratch` is as long as `slots`.
+/// Matches one batch, in a substep of `dt` \[s\]. `rotation` has the last rotation of each lane's group, `live` which lanes have a member in each slot; `scratch` is as long as `slots`.
 #[inline(always)]
-pub(crate) fn match_batch<S: Simd>(
-    simd: S,
+pub(crate) fn match_batch<S: Simd, const FUSED: bool>(
+    lanes: Lanes<S, FUSED>,
     (slots, live): (&[Slot], &[u8]),
     rotation: &mut [Quat],
     scratch: &mut [Gathered],
     p: &mut Particles,
     share: &BatchShare,
-    rate: f32,
+    dt: f32,
 ) {
     let Some(first) = slots.first() else { return };
     let mut state = State::of(p);
-    let origin = gather(simd, state.position, &first.particle);
-    let (mut mass, mut center, mut rest_center) = (f32x8::splat(simd, 0.0), Vec3x8::zero(simd), Vec3x8::zero(simd));
-    let mut a = Mat3x8::zero(simd);
+    let origin = lanes.gather(state.position, &first.particle);
+    let (mut mass, mut center, mut rest_center) = (lanes.splat(0.0), lanes.zero(), lanes.zero());
+    let mut a = Mat3x8 { x: lanes.zero(), y: lanes.zero(), z: lanes.zero() };
     for (slot, to) in slots.iter().zip(&mut *scratch) {
-        let m = f32x8::load_array_ref(simd, &slot.mass);
-        let r = Vec3x8::load(simd, &slot.rest);
-        let d = gather(simd, state.position, &slot.particle) - origin;
-        let q = gather_quats(simd, state.rotation, &slot.particle);
+        let m = lanes.load(&slot.mass);
+        let r = lanes.load_vector(&slot.rest);
+        let d = lanes.gather(state.position, &slot.particle) - origin;
+        let q = lanes.gather_quats(state.rotation, &slot.particle);
         d.store(&mut to.place);
-        store_quat(q, &mut to.rotation);
+        q.store(&mut to.rotation);
         let [xx, yy, zz, xy, xz, yz] = &slot.moment;
-        let load = |lane: &Lane| f32x8::load_array_ref(simd, lane);
-        let (xx, yy, zz, xy, xz, yz) = (load(xx), load(yy), load(zz), load(xy), load(xz), load(yz));
-        let turn = q.matrix(simd);
+        let (xx, yy, zz) = (lanes.load(xx), lanes.load(yy), lanes.load(zz));
+        let (xy, xz, yz) = (lanes.load(xy), lanes.load(xz), lanes.load(yz));
+        let turn = lanes.matrix(q);
         let md = d * m;
-        a.x += turn.x * xx + turn.y * xy + turn.z * xz + md * r.x;
-        a.y += turn.x * xy + turn.y * yy + turn.z * yz + md * r.y;
-        a.z += turn.x * xz + turn.y * yz + turn.z * zz + md * r.z;
+        let with = |sum, b| lanes.scale_add(md, b, sum);
+        a.x = with(lanes.transform_add(turn, Vec3x8 { x: xx, y: xy, z: xz }, a.x), r.x);
+        a.y = with(lanes.transform_add(turn, Vec3x8 { x: xy, y: yy, z: yz }, a.y), r.y);
+        a.z = with(lanes.transform_add(turn, Vec3x8 { x: xz, y: yz, z: zz }, a.z), r.z);
         mass += m;
         center += md;
-        rest_center += r * m;
+        rest_center = lanes.scale_add(r, m, rest_center);
     }
-    let per_mass = f32x8::splat(simd, 1.0) / mass;
+    let per_mass = lanes.splat(1.0) / mass;
     let rest_center = rest_center * per_mass;
-    a.x -= center * rest_center.x;
-    a.y -= center * rest_center.y;
-    a.z -= center * rest_center.z;
+    a.x = lanes.scale_add(center, -rest_center.x, a.x);
+    a.y = lanes.scale_add(center, -rest_center.y, a.y);
+    a.z = lanes.scale_add(center, -rest_center.z, a.z);
     let center = center * per_mass;
 
-    let q = search(simd, a, rotation);
-    let matrix = q.matrix(simd);
+    let spin = lanes.gather(state.spin, &first.particle) * lanes.splat(0.5 * dt);
+    let q = search(lanes, a, spin, rotation);
+    let matrix = lanes.matrix(q);
 
-    let stiffness = f32x8::load_array_ref(simd, &share.stiffness);
-    let mut excess = Vec3x8::zero(simd);
+    let stiffness = lanes.load(&share.stiffness);
+    let mut excess = lanes.zero();
     for (slot, to) in slots.iter().zip(&mut *scratch) {
-        let r = Vec3x8::load(simd, &slot.rest);
-        let d = Vec3x8::load(simd, &to.place);
-        let way = (matrix.times(r - rest_center) - (d - center)) * stiffness;
+        let r = lanes.load_vector(&slot.rest) - rest_center;
+        let d = lanes.load_vector(&to.place);
+        let way = lanes.transform_add(matrix, r, center - d) * stiffness;
         way.store(&mut to.place);
-        excess += way * f32x8::load_array_ref(simd, &slot.mass);
+        excess = lanes.scale_add(way, lanes.load(&slot.mass), excess);
     }
     let excess = excess * per_mass;
 
+    let (one, zero) = (lanes.splat(1.0), lanes.splat(0.0));
     for (&live, to) in live.iter().zip(&mut *scratch) {
-        let way = Vec3x8::load(simd, &to.place) - excess;
-        let old = load_quat(simd, &to.rotation);
-        let off = q.times(old.conjugate());
-        let sign = off.w.simd_lt(0.0).select(f32x8::splat(simd, -1.0), f32x8::splat(simd, 1.0));
-        let v = off.vector() * sign;
-        let s2 = v.length_squared();
-        let angle = v * ((((s2 * (5.0 / 56.0) + 0.15) * s2 + (1.0 / 3.0)) * s2 + 2.0) * stiffness);
-        let small = s2.simd_lt(SMALL) & angle.length_squared().simd_lt(SMALL);
-        to.way.store(way.columns());
-        to.angle.store(angle.columns());
-        to.new.store(old.turned(angle * f32x8::splat(simd, 0.5)).columns());
-        let far = live & share.active & !(small.to_bitmask() as u8);
+        to.way.store((lanes.load_vector(&to.place) - excess).columns());
+        let old = lanes.load_quat(&to.rotation);
+        let off = lanes.quotient(q, old);
+        let v = off.vector();
+        let s2 = lanes.length_squared(v);
+        let near = s2.simd_lt(SMALL);
+        let series = lanes.mul_add(s2, lanes.splat(5.0 / 112.0), lanes.splat(0.075));
+        let series = lanes.mul_add(s2, lanes.mul_add(s2, series, lanes.splat(1.0 / 6.0)), one);
+        // The short way round.
+        let half = v * (series * off.w.simd_lt(zero).select(-stiffness, stiffness));
+        to.angle.store((half + half).columns());
+        let h2 = lanes.length_squared(half);
+        let sine = lanes.mul_add(h2, lanes.mul_add(h2, lanes.splat(1.0 / 120.0), lanes.splat(-1.0 / 6.0)), one);
+        let cosine = lanes.mul_add(h2, lanes.splat(-1.0 / 720.0), lanes.splat(1.0 / 24.0));
+        let cosine = lanes.mul_add(h2, lanes.mul_add(h2, cosine, lanes.splat(-0.5)), one);
+        let turn = Quatx8 { x: half.x * sine, y: half.y * sine, z: half.z * sine, w: cosine };
+        to.new.store(lanes.product(turn, old).columns());
+        let far = live & share.active & !(near.to_bitmask() as u8);
         if far != 0 {
-            for l in lanes_of(far) {
-                let old = Quat::from_array(to.rotation.map(|lane| lane[l]));
-                let angle = small_log(rotation[l] * old.inverse()) * share.stiffness[l];
-                to.angle.set(l, angle.extend(0.0));
-                to.new.set(l, turned(old, angle).into());
-            }
+            turn_far(to, far, rotation, &share.stiffness);
         }
     }
 
+    let rate = 1.0 / dt;
     for ((slot, from), &live) in slots.iter().zip(&*scratch).zip(live) {
         let live = live & share.active;
         if live == u8::MAX {
@@ -142,17 +157,28 @@ pub(crate) fn match_batch<S: Simd>(
                 state.displace(slot.particle[l] as usize, from, l, rate);
             }
         } else {
-            for l in lanes_of(live) {
+            for l in bits(live) {
                 state.displace(slot.particle[l] as usize, from, l, rate);
             }
         }
         if share.rigid != 0 {
-            for l in lanes_of(live & share.rigid) {
+            for l in bits(live & share.rigid) {
                 let push = &mut state.rigid_push[slot.particle[l] as usize];
                 push[0] += from.way.vector(l) * rate;
                 push[1] += from.angle.vector(l) * rate;
             }
         }
+    }
+}
+
+/// Turns the members in the lanes `far` one by one.
+#[cold]
+fn turn_far(to: &mut Gathered, far: u8, rotation: &[Quat], stiffness: &Lane) {
+    for l in bits(far) {
+        let old = Quat::from_array(to.rotation.map(|lane| lane[l]));
+        let angle = small_log(rotation[l] * old.inverse()) * stiffness[l];
+        to.angle.set(l, angle.extend(0.0));
+        to.new.set(l, turned(old, angle).into());
     }
 }
 
@@ -188,19 +214,20 @@ impl<'a> State<'a> {
     }
 }
 
+/// Which bits are set.
 #[inline(always)]
-fn lanes_of(mask: u8) -> impl Iterator<Item = usize> {
+fn bits(mask: u8) -> impl Iterator<Item = usize> {
     (0..LANES).filter(move |l| mask >> l & 1 != 0)
 }
 
-/// The rotational part of `a`, lane by lane, from the rotations found last: see [`extract_rotation`].
+/// The rotational part of `a`, lane by lane, from the rotations found last and half the turn `spin` \[rad\] since: see [`extract_rotation`].
 #[inline(always)]
-fn search<S: Simd>(simd: S, a: Mat3x8<S>, rotation: &mut [Quat]) -> Quatx8<S> {
-    let guess = |l: usize| rotation.get(l).copied().unwrap_or(Quat::IDENTITY).into();
-    let [x, y, z, w] = columns_of(simd, guess);
-    let mut q = Quatx8 { x, y, z, w };
-    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-    let norm2 = a.x.length_squared() + a.y.length_squared() + a.z.length_squared();
+fn search<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, a: Mat3x8<S>, spin: Vec3x8<S>, rotation: &mut [Quat]) -> Quatx8<S> {
+    let last = lanes.quats(|l| rotation.get(l).copied().unwrap_or(Quat::IDENTITY));
+    let one = lanes.splat(1.0);
+    let turn = |q, half: Vec3x8<S>| lanes.normalize(lanes.product(Quatx8 { x: half.x, y: half.y, z: half.z, w: one }, q));
+    let mut q = turn(last, spin);
+    let norm2 = lanes.length_squared(a.x) + lanes.length_squared(a.y) + lanes.length_squared(a.z);
     let scale = one / norm2.sqrt();
     let wanted = ((1u32 << rotation.len()) - 1) as u8;
     let mut safe = scale.simd_gt(0.0) & scale.simd_lt(f32::INFINITY);
@@ -208,30 +235,26 @@ fn search<S: Simd>(simd: S, a: Mat3x8<S>, rotation: &mut [Quat]) -> Quatx8<S> {
     let mut found = 0u8;
     for _ in 0..STEPS {
         // M = A·Rᵀ: the columns of A times the rows of Rᵀ.
-        let r = q.matrix(simd);
-        let mx = n.x * r.x.x + n.y * r.y.x + n.z * r.z.x;
-        let my = n.x * r.x.y + n.y * r.y.y + n.z * r.z.y;
-        let mz = n.x * r.x.z + n.y * r.y.z + n.z * r.z.z;
+        let r = lanes.matrix(q);
+        let times = |x, y, z| lanes.scale_add(n.z, z, lanes.scale_add(n.y, y, n.x * x));
+        let (mx, my, mz) = (times(r.x.x, r.y.x, r.z.x), times(r.x.y, r.y.y, r.z.y), times(r.x.z, r.y.z, r.z.z));
         let g = Vec3x8 { x: my.z - mz.y, y: mz.x - mx.z, z: mx.y - my.x };
+        let half = lanes.splat(-0.5);
         let (xx, yy, zz) = (my.y + mz.z, mx.x + mz.z, mx.x + my.y);
-        let (xy, xz, yz) = ((my.x + mx.y) * -0.5, (mz.x + mx.z) * -0.5, (mz.y + my.z) * -0.5);
-        let c00 = yy * zz - yz * yz;
-        let c01 = xz * yz - xy * zz;
-        let c02 = xy * yz - xz * yy;
-        let det = xx * c00 + xy * c01 + xz * c02;
-        let c11 = xx * zz - xz * xz;
-        let c12 = xy * xz - xx * yz;
-        let c22 = xx * yy - xy * xy;
+        let (xy, xz, yz) = ((my.x + mx.y) * half, (mz.x + mx.z) * half, (mz.y + my.z) * half);
+        let minor = |a: f32x8<S>, b, c, d| lanes.sub_mul(a * b, c, d);
+        let (c00, c01, c02) = (minor(yy, zz, yz, yz), minor(xz, yz, xy, zz), minor(xy, yz, xz, yy));
+        let (c11, c12, c22) = (minor(xx, zz, xz, xz), minor(xy, xz, xx, yz), minor(xx, yy, xy, xy));
+        let det = lanes.mul_add(xz, c02, lanes.mul_add(xy, c01, xx * c00));
         safe &= xx.simd_gt(0.0) & c22.simd_gt(0.0) & det.simd_gt(DEFINITE);
-        let step =
-            Vec3x8 { x: c00 * g.x + c01 * g.y + c02 * g.z, y: c01 * g.x + c11 * g.y + c12 * g.z, z: c02 * g.x + c12 * g.y + c22 * g.z }
-                * (one / det);
-        let length2 = step.length_squared();
-        safe &= length2.simd_lt(1.0);
+        let inverse =
+            Mat3x8 { x: Vec3x8 { x: c00, y: c01, z: c02 }, y: Vec3x8 { x: c01, y: c11, z: c12 }, z: Vec3x8 { x: c02, y: c12, z: c22 } };
+        let step = lanes.transform_add(inverse, g, lanes.zero()) * (lanes.splat(0.5) / det);
+        let length2 = lanes.length_squared(step);
+        safe &= length2.simd_lt(0.25);
         // Lanes that are not safe stay where they are, so that they cannot disturb what is asked of all.
-        let step = Vec3x8 { x: safe.select(step.x, zero), y: safe.select(step.y, zero), z: safe.select(step.z, zero) };
-        q = q.turned(step * f32x8::splat(simd, 0.5));
-        found = (safe & length2.simd_lt(TOLERANCE * TOLERANCE)).to_bitmask() as u8;
+        q = turn(q, step.only(safe));
+        found = (safe & length2.simd_lt(0.25 * TOLERANCE * TOLERANCE)).to_bitmask() as u8;
         if (found | !(safe.to_bitmask() as u8)) & wanted == wanted {
             break;
         }
@@ -244,13 +267,8 @@ fn search<S: Simd>(simd: S, a: Mat3x8<S>, rotation: &mut [Quat]) -> Quatx8<S> {
         for (to, column) in columns.iter_mut().zip([a.x, a.y, a.z]) {
             to.store(column.columns());
         }
-        for l in lanes_of(astray) {
-            let [x, y, z] = &columns;
-            let a = Mat3A::from_cols(x.vector(l), y.vector(l), z.vector(l));
-            new.set(l, extract_rotation(a, rotation[l]).into());
-        }
-        let [x, y, z, w] = columns_of(simd, |l| new.row(l));
-        q = Quatx8 { x, y, z, w };
+        search_astray(&columns, astray, rotation, &mut new);
+        q = lanes.quats(|l| new.quat(l));
     }
     for (l, to) in rotation.iter_mut().enumerate() {
         *to = new.quat(l);
@@ -258,18 +276,11 @@ fn search<S: Simd>(simd: S, a: Mat3x8<S>, rotation: &mut [Quat]) -> Quatx8<S> {
     q
 }
 
-#[inline(always)]
-fn store_quat<S: Simd>(q: Quatx8<S>, to: &mut [Lane; 4]) {
-    let [x, y, z, w] = to;
-    q.x.store_array(x);
-    q.y.store_array(y);
-    q.z.store_array(z);
-    q.w.store_array(w);
-}
-
-#[inline(always)]
-fn load_quat<S: Simd>(simd: S, from: &[Lane; 4]) -> Quatx8<S> {
-    let [x, y, z, w] = from;
-    let load = |lane: &Lane| f32x8::load_array_ref(simd, lane);
-    Quatx8 { x: load(x), y: load(y), z: load(z), w: load(w) }
+/// Searches for the rotations in the lanes `astray` one by one.
+#[cold]
+fn search_astray([x, y, z]: &[Rows; 3], astray: u8, rotation: &[Quat], new: &mut Rows) {
+    for l in bits(astray) {
+        let a = Mat3A::from_cols(x.vector(l), y.vector(l), z.vector(l));
+        new.set(l, extract_rotation(a, rotation[l]).into());
+    }
 }

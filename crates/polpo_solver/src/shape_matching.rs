@@ -3,7 +3,7 @@
 use fearless_simd::{Level, Simd, dispatch};
 use glam::{Mat3A, Quat, Vec3A};
 
-use crate::lanes::LANES;
+use crate::lanes::{LANES, Lanes};
 use crate::match_batch::{BatchShare, match_batch};
 use crate::momentum::{point_inertia, solve_inertia};
 use crate::{ImplicitGroups, Particles, Share, Shares, Sweep, extract_rotation, quat_exp, quat_log};
@@ -61,15 +61,24 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
     }
 }
 
-/// Matches all groups batch after batch, with the instructions of `level`, which do not change the result.
+/// Matches all groups batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
 fn match_in_lanes(level: Level, groups: &mut ImplicitGroups, particles: &mut Particles, shares: Shares, sweep: Sweep) {
     groups.batches.masses(&groups.rows, &particles.mass);
-    dispatch!(level, simd => match_batches(simd, groups, particles, shares, sweep));
+    if sweep.deterministic {
+        dispatch!(level, simd => match_batches(Lanes::<_, false>(simd), groups, particles, shares, sweep));
+    } else {
+        dispatch!(level, simd => match_batches(Lanes::<_, true>(simd), groups, particles, shares, sweep));
+    }
 }
 
 #[inline(always)]
-fn match_batches<S: Simd>(simd: S, groups: &mut ImplicitGroups, particles: &mut Particles, shares: Shares, sweep: Sweep) {
-    let rate = 1.0 / sweep.dt;
+fn match_batches<S: Simd, const FUSED: bool>(
+    lanes: Lanes<S, FUSED>,
+    groups: &mut ImplicitGroups,
+    particles: &mut Particles,
+    shares: Shares,
+    sweep: Sweep,
+) {
     // Whether there are particles that the vector kernel does not know.
     let special = particles.inverse_mass.contains(&0.0) || particles.inverse_inertia.contains(&0.0) || groups.unoriented.contains(&true);
     // What all groups share out, if it is the same.
@@ -84,7 +93,7 @@ fn match_batches<S: Simd>(simd: S, groups: &mut ImplicitGroups, particles: &mut 
         };
         if share.active != 0 {
             let ImplicitGroups { batches, gathered, rotation, .. } = &mut *groups;
-            match_batch(simd, batches.batch(b), &mut rotation[batches.groups(b)], gathered, particles, &share, rate);
+            match_batch(lanes, batches.batch(b), &mut rotation[batches.groups(b)], gathered, particles, &share, sweep.dt);
         }
         if alone != 0 {
             for (l, g) in groups.batches.groups(b).enumerate() {
@@ -422,7 +431,7 @@ mod tests {
         }
     }
 
-    /// The same bits with every instruction set that this processor has.
+    /// The same bits with every instruction set that this processor has, where that was asked for.
     #[test]
     fn the_instruction_set_changes_nothing() {
         let (rest, pairs) = blob();
@@ -439,7 +448,7 @@ mod tests {
                 let (mut p, mut groups) = (p.clone(), groups_of(&rest, &pairs));
                 p.ready_rigid_push(Shares::Each(&shares));
                 for _ in 0..3 {
-                    match_in_lanes(level, &mut groups, &mut p, Shares::Each(&shares), Sweep::only(0.01));
+                    match_in_lanes(level, &mut groups, &mut p, Shares::Each(&shares), Sweep { deterministic: true, ..Sweep::only(0.01) });
                 }
                 let bits = |v: &[Vec3A]| v.iter().flat_map(|v| v.to_array()).map(f32::to_bits).collect::<Vec<_>>();
                 let turned: Vec<u32> = p.rotation.iter().flat_map(|q| q.to_array()).map(f32::to_bits).collect();

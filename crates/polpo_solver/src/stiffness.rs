@@ -136,12 +136,14 @@ pub struct Sweep {
     pub index: u32,
     /// How many there are. With one, nothing needs to be remembered from pass to pass.
     pub count: u32,
+    /// Whether the last bits must be the same on every processor. Otherwise those that can multiply and add in one (x86 since 2013, 64-bit ARM) do so: it is faster, and rounded once instead of twice.
+    pub deterministic: bool,
 }
 
 impl Sweep {
     /// The only pass of a substep of `dt` \[s\].
     pub const fn only(dt: f32) -> Self {
-        Self { dt, index: 0, count: 1 }
+        Self { dt, index: 0, count: 1, deterministic: false }
     }
 
     /// Readies the multipliers of `len` constraints: none if there is one pass, zero at the first of several.

@@ -160,7 +160,7 @@ impl Scene {
         predict_explicit(&mut self.explicit, p, DT);
         let angular = momentum(p).angular;
         for index in 0..2 {
-            let sweep = Sweep { dt: DT, index, count: 2 };
+            let sweep = Sweep { index, count: 2, ..Sweep::only(DT) };
             match_shapes(&mut self.groups, p, share.into(), Turning::AllMembers, sweep);
             solve_distances(&mut self.edges, p, share.into(), share.into(), sweep);
             solve_torsion(&mut self.edges, p, share.into(), sweep);

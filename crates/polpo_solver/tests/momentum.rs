@@ -35,7 +35,7 @@ fn share(random: &mut Random) -> Share {
 /// The first or a later one of up to three sweeps.
 fn sweep(random: &mut Random) -> Sweep {
     let count = 1 + random.below(3) as u32;
-    Sweep { dt: DT, index: random.below(count as usize) as u32, count }
+    Sweep { index: random.below(count as usize) as u32, count, ..Sweep::only(DT) }
 }
 
 fn kept(what: &str, loss: &Loss, angular: f32) -> Result<(), TestCaseError> {

@@ -25,7 +25,7 @@ fn sag(iterations: u32, dt: f32, memory: bool) -> f32 {
     for _ in 0..(6.0 / dt) as usize {
         predict(&mut p, Vec3A::Y * -9.81, dt);
         for index in 0..iterations {
-            let sweep = if memory { Sweep { dt, index, count: iterations } } else { Sweep::only(dt) };
+            let sweep = if memory { Sweep { index, count: iterations, ..Sweep::only(dt) } } else { Sweep::only(dt) };
             match_shapes(&mut groups, &mut p, share.into(), Turning::AllMembers, sweep);
         }
         integrate(&mut p, dt, 15.0);

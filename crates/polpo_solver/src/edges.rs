@@ -1,8 +1,11 @@
 //! Edges: the pairs of particles that hold on to each other.
 
+use std::ops::Range;
+
 use glam::Quat;
 
-use crate::coloring::{color_rows, rank};
+use crate::coloring::{batch_rows, rank};
+use crate::lanes::LANES;
 use crate::{ExplicitGroups, Particles};
 
 /// What is wrong with an edge.
@@ -38,7 +41,7 @@ pub enum EdgeError {
     },
 }
 
-/// Edges sorted by colour, and by where they are at rest: edges of one colour share no particle.
+/// Edges in batches of up to eight that share no particle, which are solved side by side; what goes into a batch goes by where they are at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edges {
     /// Ends of each edge.
@@ -58,8 +61,8 @@ pub struct Edges {
     pub(crate) held: Vec<bool>,
     /// Scratch: per particle, the last rigid group seen that has it.
     pub(crate) holder: Vec<u32>,
-    /// Where each colour starts in `pairs`, and the end of the last.
-    pub colors: Vec<u32>,
+    /// Where each batch starts in `pairs`, and the end of the last.
+    pub(crate) batches: Vec<u32>,
 }
 
 impl Edges {
@@ -93,12 +96,21 @@ impl Edges {
             let [a, b] = pairs[e as usize].map(|i| rank[i as usize]);
             (a.min(b), a.max(b))
         });
-        let (order, colors) = color_rows(count, input.iter().map(|&e| pairs[e as usize].as_slice()));
+        let (order, batches) = batch_rows(count, LANES, input.iter().map(|&e| pairs[e as usize].as_slice()));
         let order: Vec<u32> = order.iter().map(|&k| input[k as usize]).collect();
         let pairs: Vec<[u32; 2]> = order.iter().map(|&e| pairs[e as usize]).collect();
         let rest_length =
             pairs.iter().map(|&[a, b]| particles.rest_position[a as usize].distance(particles.rest_position[b as usize])).collect();
-        Ok(Self { pairs, rest_length, input: order, colors, ..Self::default() })
+        Ok(Self { pairs, rest_length, input: order, batches, ..Self::default() })
+    }
+
+    /// Batch `b`, as a range of `pairs`, with its ends in eight lanes; a lane without an edge repeats the first.
+    #[inline(always)]
+    pub(crate) fn batch(&self, b: usize) -> (Range<usize>, [[u32; LANES]; 2]) {
+        let batch = self.batches[b] as usize..self.batches[b + 1] as usize;
+        let pairs = &self.pairs[batch.clone()];
+        let end = |k: usize| core::array::from_fn(|l| pairs.get(l).unwrap_or(&pairs[0])[k]);
+        (batch, [end(0), end(1)])
     }
 
     /// Lets the edges rest whose two ends a rigid, closed group holds, which could only quarrel with it once it is dented or inflated, and wakes the others. To be called when
@@ -149,10 +161,10 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_has_two_colours() {
+    fn a_chain_has_two_batches() {
         let p = line(5, 0.5, 0.1);
         let edges = Edges::new(&p, &[[0, 1], [1, 2], [2, 3], [3, 4]]).unwrap();
-        assert_eq!(edges.colors, [0, 2, 4]);
+        assert_eq!(edges.batches, [0, 2, 4]);
         assert!(edges.rest_length.iter().all(|&l| l == 0.5));
     }
 }

@@ -12,6 +12,9 @@ pub(crate) const LANES: usize = 8;
 /// One number a lane, in memory.
 pub(crate) type Lane = [f32; LANES];
 
+/// Below this square of the sine of half an angle, which is then below half a radian, [`Lanes::half_log`] and [`Lanes::half_exp`] hold.
+pub(crate) const SMALL: f32 = 1.0 / 16.0;
+
 /// The instructions to compute with, and the arithmetic that depends on how they round.
 ///
 /// All other operations round as IEEE 754 says, on every processor alike. A multiply-add does too unless it is `FUSED` and the processor can do it in one; then it rounds once, and the result differs in the last bit from
@@ -147,6 +150,28 @@ impl<S: Simd, const FUSED: bool> Lanes<S, FUSED> {
         }
     }
 
+    /// asin(s)/s for the square of s, below [`SMALL`]: what takes the vector part of a unit quaternion to half its rotation vector.
+    ///
+    /// 1 + s²/6 + 3s⁴/40 + 5s⁶/112 + …, cut where the next term is 5e-7.
+    #[inline(always)]
+    pub(crate) fn half_log(self, s2: f32x8<S>) -> f32x8<S> {
+        let series = self.mul_add(s2, self.splat(5.0 / 112.0), self.splat(0.075));
+        self.mul_add(s2, self.mul_add(s2, series, self.splat(1.0 / 6.0)), self.splat(1.0))
+    }
+
+    /// The unit quaternion that turns by twice `half` \[rad\], of which the square is below [`SMALL`].
+    ///
+    /// (h·(1 − |h|²/6 + |h|⁴/120 − …), 1 − |h|²/2 + |h|⁴/24 − |h|⁶/720 + …), cut where the next term is 5e-8.
+    #[inline(always)]
+    pub(crate) fn half_exp(self, half: Vec3x8<S>) -> Quatx8<S> {
+        let h2 = self.length_squared(half);
+        let one = self.splat(1.0);
+        let sine = self.mul_add(h2, self.mul_add(h2, self.splat(1.0 / 120.0), self.splat(-1.0 / 6.0)), one);
+        let cosine = self.mul_add(h2, self.splat(-1.0 / 720.0), self.splat(1.0 / 24.0));
+        let cosine = self.mul_add(h2, self.mul_add(h2, cosine, self.splat(-0.5)), one);
+        Quatx8 { x: half.x * sine, y: half.y * sine, z: half.z * sine, w: cosine }
+    }
+
     /// `from[at[l]]` in lane l.
     #[inline(always)]
     pub(crate) fn gather(self, from: &[Vec3A], at: &[u32; LANES]) -> Vec3x8<S> {
@@ -158,6 +183,13 @@ impl<S: Simd, const FUSED: bool> Lanes<S, FUSED> {
     #[inline(always)]
     pub(crate) fn gather_quats(self, from: &[Quat], at: &[u32; LANES]) -> Quatx8<S> {
         self.quats(|l| from[at[l] as usize])
+    }
+
+    /// `from[at[l]]` in lane l.
+    #[inline(always)]
+    pub(crate) fn gather_numbers(self, from: &[f32], at: &[u32; LANES]) -> f32x8<S> {
+        let n = |l: usize| from[at[l] as usize];
+        self.load(&[n(0), n(1), n(2), n(3), n(4), n(5), n(6), n(7)])
     }
 
     #[inline(always)]

@@ -7,14 +7,9 @@
 //! A = Σ_i [ R_i·B_i + m_i·d_i·x̄_iᵀ ] − (Σ m_i·d_i)(Σ m_i·x̄_i)ᵀ/M,   d_i = x_i − x_0
 //! ```
 //!
-//! and logarithm and exponential of a turn are series, whose first term left out is below the rounding:
+//! and logarithm and exponential of a turn are short series.
 //!
-//! ```text
-//! ½·log(v, w) = v·asin(|v|)/|v| = v·(1 + |v|²/6 + 3|v|⁴/40 + 5|v|⁶/112 + …),   |v|² < 1/16
-//! exp(h) = (h·(1 − |h|²/6 + |h|⁴/120 − …), 1 − |h|²/2 + |h|⁴/24 − |h|⁶/720 + …)
-//! ```
-//!
-//! Members that are turned further from their group than that, by half a radian, are turned one by one; so are lanes searched for by [`extract_rotation`] whose rotation is not found within a few of Newton's steps (where A is
+//! Members that are turned by more than half a radian from their group, for which those do not hold, are turned one by one; so are lanes searched for by [`extract_rotation`] whose rotation is not found within a few of Newton's steps (where A is
 //! singular, reflected or far turned). The search starts from the last rotation, turned on by the spin of the group's particle, which leaves one step to do where the body tumbles.
 
 use fearless_simd::f32x8;
@@ -22,7 +17,7 @@ use fearless_simd::prelude::*;
 use glam::{Mat3A, Quat, Vec3A};
 
 use crate::batches::Slot;
-use crate::lanes::{LANES, Lane, Lanes, Mat3x8, Quatx8, Rows, Vec3x8};
+use crate::lanes::{LANES, Lane, Lanes, Mat3x8, Quatx8, Rows, SMALL, Vec3x8};
 use crate::rotation::DEFINITE;
 use crate::shape_matching::{small_log, turned};
 use crate::{Particles, extract_rotation};
@@ -31,8 +26,6 @@ use crate::{Particles, extract_rotation};
 const STEPS: usize = 5;
 /// Below this length of the last step \[rad\] the answer is taken: the next one would be shorter than its square.
 const TOLERANCE: f32 = 1e-3;
-/// Below this square of the sine of half an angle the series hold.
-const SMALL: f32 = 1.0 / 16.0;
 
 /// Scratch for one slot.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -124,7 +117,7 @@ pub(crate) fn match_batch<S: Simd, const FUSED: bool>(
     }
     let excess = excess * per_mass;
 
-    let (one, zero) = (lanes.splat(1.0), lanes.splat(0.0));
+    let zero = lanes.splat(0.0);
     for (&live, to) in live.iter().zip(&mut *scratch) {
         to.way.store((lanes.load_vector(&to.place) - excess).columns());
         let old = lanes.load_quat(&to.rotation);
@@ -132,17 +125,10 @@ pub(crate) fn match_batch<S: Simd, const FUSED: bool>(
         let v = off.vector();
         let s2 = lanes.length_squared(v);
         let near = s2.simd_lt(SMALL);
-        let series = lanes.mul_add(s2, lanes.splat(5.0 / 112.0), lanes.splat(0.075));
-        let series = lanes.mul_add(s2, lanes.mul_add(s2, series, lanes.splat(1.0 / 6.0)), one);
         // The short way round.
-        let half = v * (series * off.w.simd_lt(zero).select(-stiffness, stiffness));
+        let half = v * (lanes.half_log(s2) * off.w.simd_lt(zero).select(-stiffness, stiffness));
         to.angle.store((half + half).columns());
-        let h2 = lanes.length_squared(half);
-        let sine = lanes.mul_add(h2, lanes.mul_add(h2, lanes.splat(1.0 / 120.0), lanes.splat(-1.0 / 6.0)), one);
-        let cosine = lanes.mul_add(h2, lanes.splat(-1.0 / 720.0), lanes.splat(1.0 / 24.0));
-        let cosine = lanes.mul_add(h2, lanes.mul_add(h2, cosine, lanes.splat(-0.5)), one);
-        let turn = Quatx8 { x: half.x * sine, y: half.y * sine, z: half.z * sine, w: cosine };
-        to.new.store(lanes.product(turn, old).columns());
+        to.new.store(lanes.product(lanes.half_exp(half), old).columns());
         let far = live & share.active & !(near.to_bitmask() as u8);
         if far != 0 {
             turn_far(to, far, rotation, &share.stiffness);

@@ -1,6 +1,10 @@
 //! Torsion: edges resist the twist between their ends' orientations.
 
-use crate::{Edges, Particles, Shares, Sweep, quat_log};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
+
+use crate::lanes::{Lanes, Rows, SMALL};
+use crate::{Edges, Particles, Share, Shares, Sweep, quat_log};
 
 /// Turns the two ends of every edge towards each other, by the share of the twist about the edge between them.
 ///
@@ -8,39 +12,117 @@ use crate::{Edges, Particles, Shares, Sweep, quat_log};
 /// the same relative rotation, with δ from the twist, its change (ω_j − ω_i)·e·Δt and the multiplier as [`Share`](crate::Share) says: I_i·Δθ_i + I_j·Δθ_j = 0, so spin is conserved. (Two slerps one after
 /// the other, where the second sees the first's result, are not: they create 15° of net spin out of a 60° difference.) Bending is the groups' business and is left alone. An edge of zero length has no
 /// axis and is skipped, and so is one with both ends' orientations pinned.
+///
+/// Edges are solved batch after batch, those of a batch side by side in vector lanes. Damping, several sweeps, a rest pose, edges that rest and edges twisted far take the scalar path.
 pub fn solve_torsion(edges: &mut Edges, particles: &mut Particles, shares: Shares, sweep: Sweep) {
     if shares.are_off() {
         return;
     }
-    let rate = 1.0 / sweep.dt;
     sweep.ready(&mut edges.twist, edges.pairs.len());
     particles.ready_rigid_push(shares);
-    for (e, &[i, j]) in edges.pairs.iter().enumerate() {
-        let (i, j) = (i as usize, j as usize);
-        let d = particles.position[j] - particles.position[i];
-        let length2 = d.length_squared();
-        let (wi, wj) = (particles.inverse_inertia[i], particles.inverse_inertia[j]);
-        if !(length2 > 0.0 && wi + wj > 0.0) || edges.held.get(e).is_some_and(|&held| held) {
-            continue;
+    match shares {
+        Shares::One(share) if share.damping <= 0.0 && edges.twist.is_empty() && edges.rest_turn.is_empty() && edges.held.is_empty() => {
+            twist_in_lanes(Level::new(), edges, particles, share, sweep);
         }
-        let share = shares.of(edges.input[e] as usize);
-        let q = &particles.rotation;
-        let length = length2.sqrt();
-        let relative = edges.rest_turn.get(e).map_or(q[j], |&rest| q[j] * rest) * q[i].inverse();
-        let mut turn = share.stiffness * quat_log(relative).dot(d) / length;
-        if share.damping > 0.0 {
-            turn += share.damping * sweep.dt * d.dot(particles.angular_velocity[j] - particles.angular_velocity[i]) / length;
+        _ => {
+            for e in 0..edges.pairs.len() {
+                twist_edge(edges, particles, e, shares, sweep);
+            }
         }
-        if let Some(multiplier) = edges.twist.get_mut(e) {
-            turn -= share.memory * *multiplier;
-            *multiplier += turn;
+    }
+}
+
+/// Solves edge `e` alone.
+fn twist_edge(edges: &mut Edges, particles: &mut Particles, e: usize, shares: Shares, sweep: Sweep) {
+    let rate = 1.0 / sweep.dt;
+    let [i, j] = edges.pairs[e].map(|i| i as usize);
+    let d = particles.position[j] - particles.position[i];
+    let length2 = d.length_squared();
+    let (wi, wj) = (particles.inverse_inertia[i], particles.inverse_inertia[j]);
+    if !(length2 > 0.0 && wi + wj > 0.0) || edges.held.get(e).is_some_and(|&held| held) {
+        return;
+    }
+    let share = shares.of(edges.input[e] as usize);
+    let q = &particles.rotation;
+    let length = length2.sqrt();
+    let relative = edges.rest_turn.get(e).map_or(q[j], |&rest| q[j] * rest) * q[i].inverse();
+    let mut turn = share.stiffness * quat_log(relative).dot(d) / length;
+    if share.damping > 0.0 {
+        turn += share.damping * sweep.dt * d.dot(particles.angular_velocity[j] - particles.angular_velocity[i]) / length;
+    }
+    if let Some(multiplier) = edges.twist.get_mut(e) {
+        turn -= share.memory * *multiplier;
+        *multiplier += turn;
+    }
+    let twist = d * (turn / (length * (wi + wj)));
+    particles.turn(i, twist * wi, rate);
+    particles.turn(j, twist * -wj, rate);
+    if share.is_rigid() {
+        particles.rigid_push[i][1] += twist * (wi * rate);
+        particles.rigid_push[j][1] -= twist * (wj * rate);
+    }
+}
+
+/// Solves all edges batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
+fn twist_in_lanes(level: Level, edges: &mut Edges, particles: &mut Particles, share: Share, sweep: Sweep) {
+    if sweep.deterministic {
+        dispatch!(level, simd => twist_batches(Lanes::<_, false>(simd), edges, particles, share, sweep));
+    } else {
+        dispatch!(level, simd => twist_batches(Lanes::<_, true>(simd), edges, particles, share, sweep));
+    }
+}
+
+/// With v the vector part of q_j·q_i⁻¹, the short way round, the twist is 2·asin(|v|)/|v|·(v·e), and the share of it that goes to i as a rotation vector needs no root: d·(2·asin(|v|)/|v|·(v·d)·s/(|d|²·(w_i + w_j)))·w_i.
+#[inline(always)]
+fn twist_batches<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, edges: &mut Edges, p: &mut Particles, share: Share, sweep: Sweep) {
+    let rate = 1.0 / sweep.dt;
+    let zero = lanes.splat(0.0);
+    for b in 0..edges.batches.len().saturating_sub(1) {
+        let (batch, at) = edges.batch(b);
+        let [i, j] = &at;
+        let d = lanes.gather(&p.position, j) - lanes.gather(&p.position, i);
+        let q = [lanes.gather_quats(&p.rotation, i), lanes.gather_quats(&p.rotation, j)];
+        let w = [lanes.gather_numbers(&p.inverse_inertia, i), lanes.gather_numbers(&p.inverse_inertia, j)];
+        let off = lanes.quotient(q[1], q[0]);
+        let v = off.vector();
+        let s2 = lanes.length_squared(v);
+        let weight = lanes.length_squared(d) * (w[0] + w[1]);
+        let sound = weight.simd_gt(0.0);
+        let near = s2.simd_lt(SMALL);
+        let twist = lanes.half_log(s2) * lanes.dot(v, d) * lanes.splat(share.stiffness);
+        let twist = off.w.simd_lt(zero).select(-twist, twist) / weight;
+        let half = d * (sound & near).select(twist, zero);
+        let mut angle = [Rows::default(); 2];
+        let mut new = [Rows::default(); 2];
+        for k in 0..2 {
+            let half = half * if k == 0 { w[0] } else { -w[1] };
+            angle[k].store((half + half).columns());
+            new[k].store(lanes.product(lanes.half_exp(half), q[k]).columns());
         }
-        let twist = d * (turn / (length * (wi + wj)));
-        particles.turn(i, twist * wi, rate);
-        particles.turn(j, twist * -wj, rate);
+        let live = ((1u32 << batch.len()) - 1) as u8;
+        let near = near.to_bitmask() as u8;
+        for (l, &[i, j]) in edges.pairs[batch.clone()].iter().enumerate() {
+            if near >> l & 1 != 0 {
+                for (k, i) in [i as usize, j as usize].into_iter().enumerate() {
+                    p.rotation[i] = new[k].quat(l);
+                    p.angular_velocity[i] += angle[k].vector(l) * rate;
+                }
+            }
+        }
         if share.is_rigid() {
-            particles.rigid_push[i][1] += twist * (wi * rate);
-            particles.rigid_push[j][1] -= twist * (wj * rate);
+            for (l, &[i, j]) in edges.pairs[batch.clone()].iter().enumerate() {
+                if near >> l & 1 != 0 {
+                    for (k, i) in [i as usize, j as usize].into_iter().enumerate() {
+                        p.rigid_push[i][1] += angle[k].vector(l) * rate;
+                    }
+                }
+            }
+        }
+        let far = live & !near;
+        if far != 0 {
+            for e in batch.enumerate().filter(|(l, _)| far >> l & 1 != 0).map(|(_, e)| e) {
+                twist_edge(edges, p, e, share.into(), sweep);
+            }
         }
     }
 }

@@ -49,7 +49,6 @@ impl Jacobi {
         self.sums.clear();
         self.sums.resize(p.len(), Default::default());
         for g in 0..groups.len() {
-            let row = groups.row(g);
             let (members, rest) = (groups.members(g), groups.rest(g));
             let share = shares.of(members[0] as usize);
             if share.is_off() {
@@ -79,9 +78,8 @@ impl Jacobi {
                 a += Mat3A::from_cols(d * r.x, d * r.y, d * r.z);
             }
             let rotation = extract_rotation(a, groups.rotation[g]);
-            groups.rotation[g] = rotation;
             let matrix = Mat3A::from_quat(rotation);
-            for (k, (&i, &r)) in row.zip(members.iter().zip(rest)) {
+            for (k, (&i, &r)) in groups.row(g).zip(members.iter().zip(rest)) {
                 let i = i as usize;
                 let mut way = (matrix * (r - rest_center) - (p.position[i] - center)) * share.stiffness;
                 let mut angle = quat_log(rotation * p.rotation[i].inverse()) * share.stiffness;
@@ -97,6 +95,7 @@ impl Jacobi {
                 self.sums[i].0 += way;
                 self.sums[i].1 += angle;
             }
+            groups.rotation[g] = rotation;
         }
         for (i, &(way, angle)) in self.sums.iter().enumerate() {
             if p.inverse_mass[i] > 0.0 {

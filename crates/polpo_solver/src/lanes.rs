@@ -172,6 +172,13 @@ impl<S: Simd, const FUSED: bool> Lanes<S, FUSED> {
         Quatx8 { x: half.x * sine, y: half.y * sine, z: half.z * sine, w: cosine }
     }
 
+    /// Eight in a row, one a lane.
+    #[inline(always)]
+    pub(crate) fn vectors(self, from: &[Vec3A; LANES]) -> Vec3x8<S> {
+        let [x, y, z, _] = self.columns(|l| padded(from[l]));
+        Vec3x8 { x, y, z }
+    }
+
     /// `from[at[l]]` in lane l.
     #[inline(always)]
     pub(crate) fn gather(self, from: &[Vec3A], at: &[u32; LANES]) -> Vec3x8<S> {
@@ -287,6 +294,27 @@ impl<S: Simd> Mul<f32x8<S>> for Vec3x8<S> {
     #[inline(always)]
     fn mul(self, factor: f32x8<S>) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+}
+
+/// A slice by eights; the last is made up with zeros.
+pub(crate) struct Eights<'a, T> {
+    full: &'a [[T; LANES]],
+    last: [T; LANES],
+}
+
+impl<'a, T: Copy + Default> Eights<'a, T> {
+    #[inline(always)]
+    pub(crate) fn of(from: &'a [T]) -> Self {
+        let (full, rest) = from.as_chunks();
+        let mut last = [T::default(); LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        Self { full, last }
+    }
+
+    #[inline(always)]
+    pub(crate) fn get(&self, k: usize) -> &[T; LANES] {
+        self.full.get(k).unwrap_or(&self.last)
     }
 }
 

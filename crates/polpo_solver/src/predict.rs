@@ -2,8 +2,11 @@
 
 use core::f32::consts::PI;
 
-use glam::Vec3A;
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
+use glam::{Quat, Vec3A};
 
+use crate::lanes::{Eights, LANES, Lanes, Rows, SMALL};
 use crate::{Particles, quat_exp};
 
 /// Remembers where the substep of `dt` \[s\] begins and moves every particle by its velocity: v += Δt·a, x += Δt·v, q = exp(ω·Δt)·q, for the acceleration `a` \[m/s²\].
@@ -25,22 +28,52 @@ pub fn predict(particles: &mut Particles, acceleration: Vec3A, dt: f32) -> usize
         *x += *v * dt;
     }
     let mut clamped = 0;
-    for ((q, previous), omega) in particles.rotation.iter_mut().zip(&mut particles.previous_rotation).zip(&mut particles.angular_velocity) {
-        *previous = *q;
+    for omega in &mut particles.angular_velocity {
         if omega.length_squared() > limit * limit {
             *omega = omega.normalize_or_zero() * limit;
             clamped += 1;
         }
-        *q = (quat_exp(*omega * dt) * *q).normalize();
     }
+    particles.previous_rotation.copy_from_slice(&particles.rotation);
+    dispatch!(Level::new(), simd => turn_in_lanes(Lanes::<_, false>(simd), &mut particles.rotation, &particles.angular_velocity, dt));
     clamped
+}
+
+/// q = exp(ω·Δt)·q, eight at a time; those that turn by more than half a radian one by one.
+#[inline(always)]
+fn turn_in_lanes<S: Simd>(lanes: Lanes<S, false>, rotation: &mut [Quat], spin: &[Vec3A], dt: f32) {
+    let spin = Eights::of(spin);
+    let (full, rest) = rotation.as_chunks_mut();
+    let mut last = [Quat::default(); LANES];
+    last[..rest.len()].copy_from_slice(rest);
+    for (k, q) in full.iter_mut().chain([&mut last]).enumerate() {
+        let omega = spin.get(k);
+        let half = lanes.vectors(omega) * lanes.splat(0.5 * dt);
+        let far = !(lanes.length_squared(half).simd_lt(SMALL).to_bitmask() as u8);
+        let turned = lanes.product(lanes.half_exp(half), lanes.quats(|l| q[l]));
+        let mut rows = Rows::default();
+        rows.store(lanes.normalize(turned).columns());
+        if far != 0 {
+            turn_far(&mut rows, far, q, omega, dt);
+        }
+        for (l, q) in q.iter_mut().enumerate() {
+            *q = rows.quat(l);
+        }
+    }
+    rest.copy_from_slice(&last[..rest.len()]);
+}
+
+#[cold]
+fn turn_far(rows: &mut Rows, far: u8, q: &[Quat; LANES], omega: &[Vec3A; LANES], dt: f32) {
+    for l in (0..LANES).filter(|l| far >> l & 1 != 0) {
+        rows.set(l, (quat_exp(omega[l] * dt) * q[l]).normalize().into());
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{ParticleRest, integrate, quat_log};
-    use glam::Quat;
 
     fn one() -> Particles {
         Particles::new(&[ParticleRest { position: Vec3A::ZERO, frame: Quat::IDENTITY, radii: Vec3A::splat(0.1), mass: 2.0 }]).unwrap()

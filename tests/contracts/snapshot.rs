@@ -204,7 +204,11 @@ fn what_capabilities_remember_comes_back_and_has_to_fit() {
     let kept = BodySnapshot::take(app.world(), body).unwrap();
     let remembered = |app: &App| {
         let (groups, shapes) = (app.world().get::<ExplicitState>(body).unwrap(), app.world().get::<ImplicitGroups>(body).unwrap());
-        (groups.memory(app.world().get::<Particles>(body).unwrap()), shapes.flow().to_vec(), shapes.rest.clone())
+        (
+            groups.memory(app.world().get::<Particles>(body).unwrap()),
+            shapes.flow().to_vec(),
+            (0..shapes.len()).flat_map(|g| shapes.rest(g)).copied().collect::<Vec<_>>(),
+        )
     };
     let then = remembered(&app);
     steps(&mut app, 30);

@@ -2,7 +2,7 @@
 
 use glam::Vec3A;
 
-use crate::momentum::{momentum_of, solve_inertia};
+use crate::momentum::{Momentum, momentum, momentum_of, solve_inertia};
 use crate::{ExplicitGroups, Particles};
 
 /// Draws every particle's velocity towards that of the rigid body with the same momentum: by the share 1 − e^(−k·Δt) for the rate `rate` k \[1/s\] (0: none, infinity: at once).
@@ -11,7 +11,8 @@ use crate::{ExplicitGroups, Particles};
 /// they were. If J is singular (a single particle without extent) only the linear part is used. What is pinned keeps its velocity.
 pub fn damp_internally(particles: &mut Particles, dt: f32, rate: f32) {
     if let Some(share) = share(rate, dt) {
-        damp(particles, share, 0..particles.len(), |_| true);
+        let total = momentum(particles);
+        damp(particles, share, total, 0..particles.len(), |_| true);
     }
 }
 
@@ -21,9 +22,13 @@ pub fn damp_internally(particles: &mut Particles, dt: f32, rate: f32) {
 /// all that. P and L of each part stay. The spin of a particle that soft groups share belongs to none of them and is left alone.
 pub fn damp_beside(groups: &ExplicitGroups, particles: &mut Particles, dt: f32, rate: f32) {
     let Some(share) = share(rate, dt) else { return };
-    damp(particles, share, (0..particles.len()).filter(|&i| !groups.holds(i)), |_| true);
+    let free = (0..particles.len()).filter(|&i| !groups.holds(i));
+    let total = momentum_of(particles, free.clone(), |_| true);
+    damp(particles, share, total, free, |_| true);
     for g in (0..groups.len()).filter(|&g| !groups.is_open(g) && !groups.bodies[g].acting) {
-        damp(particles, share, groups.members(g).iter().map(|&i| i as usize), |i| !groups.shape.unoriented[i]);
+        let (members, oriented) = (groups.members(g).iter().map(|&i| i as usize), |i: usize| !groups.shape.unoriented[i]);
+        let total = momentum_of(particles, members.clone(), oriented);
+        damp(particles, share, total, members, oriented);
     }
 }
 
@@ -31,9 +36,8 @@ fn share(rate: f32, dt: f32) -> Option<f32> {
     (rate > 0.0).then(|| 1.0 - libm::expf(-rate * dt))
 }
 
-/// Draws the `members` towards their common rigid motion by `share`; only those that are `oriented` have spin.
-fn damp(particles: &mut Particles, share: f32, members: impl Iterator<Item = usize> + Clone, oriented: impl Fn(usize) -> bool) {
-    let total = momentum_of(particles, members.clone(), &oriented);
+/// Draws the `members`, which carry `total`, towards their common rigid motion by `share`; only those that are `oriented` have spin.
+fn damp(particles: &mut Particles, share: f32, total: Momentum, members: impl Iterator<Item = usize>, oriented: impl Fn(usize) -> bool) {
     if total.mass <= 0.0 {
         return;
     }
@@ -57,7 +61,7 @@ fn damp(particles: &mut Particles, share: f32, members: impl Iterator<Item = usi
 mod tests {
     use super::*;
     use crate::testing::{Random, blob};
-    use crate::{ExplicitGroup, Stiffness, momentum};
+    use crate::{ExplicitGroup, Stiffness};
 
     #[test]
     fn momentum_is_kept_and_wobble_dies() {

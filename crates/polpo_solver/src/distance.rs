@@ -1,58 +1,142 @@
 //! Distance constraints: edges keep their length.
 
-use crate::{Edges, Particles, Shares, Sweep};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
+
+use crate::lanes::{LANES, Lanes, Rows, bits, filled};
+use crate::{Edges, Particles, Share, Shares, Sweep};
 
 /// Moves the ends of every edge towards its rest length, by the share of `tension` if it is too long and of `compression` if it is too short.
 ///
 /// C = |d| − l with d = x_j − x_i has the gradient ∓d/|d|, so Δx_i = w_i/(w_i + w_j)·δ·d/|d| and Δx_j the opposite, weighted by the masses, with δ from C, its change n·(v_j − v_i)·Δt and the
 /// multiplier as [`Share`](crate::Share) says: linear and, because both lie on one line, angular momentum are kept. An edge of zero length has no direction and is left alone, and so is one with both ends
 /// pinned.
+///
+/// Edges are solved batch after batch, those of a batch side by side in vector lanes. Damping, several sweeps, edges that rest and a list of who pulls at pins take the scalar path.
 pub fn solve_distances(edges: &mut Edges, particles: &mut Particles, tension: Shares, compression: Shares, sweep: Sweep) {
     if tension.are_off() && compression.are_off() {
         return;
     }
-    let rate = 1.0 / sweep.dt;
     sweep.ready(&mut edges.stretch, edges.pairs.len());
     particles.ready_rigid_push(tension);
     particles.ready_rigid_push(compression);
+    match (tension, compression) {
+        (Shares::One(t), Shares::One(c))
+            if t.damping.max(c.damping) <= 0.0 && edges.stretch.is_empty() && edges.held.is_empty() && particles.reaction.is_empty() =>
+        {
+            stretch_in_lanes(Level::new(), edges, particles, [t, c], sweep);
+        }
+        _ => {
+            for e in 0..edges.pairs.len() {
+                stretch_edge(edges, particles, e, tension, compression, sweep);
+            }
+        }
+    }
+}
+
+/// Solves edge `e` alone.
+fn stretch_edge(edges: &mut Edges, particles: &mut Particles, e: usize, tension: Shares, compression: Shares, sweep: Sweep) {
+    let rate = 1.0 / sweep.dt;
     let x = &mut particles.position;
     let v = &mut particles.velocity;
     let w = &particles.inverse_mass;
-    for (e, (&[i, j], &rest)) in edges.pairs.iter().zip(&edges.rest_length).enumerate() {
-        let (i, j) = (i as usize, j as usize);
-        let d = x[j] - x[i];
-        let length = d.length();
-        let weight = w[i] + w[j];
-        if !(length > 0.0 && weight > 0.0) || edges.held.get(e).is_some_and(|&held| held) {
-            continue;
+    let [i, j] = edges.pairs[e].map(|i| i as usize);
+    let d = x[j] - x[i];
+    let length = d.length();
+    let weight = w[i] + w[j];
+    if !(length > 0.0 && weight > 0.0) || edges.held.get(e).is_some_and(|&held| held) {
+        return;
+    }
+    let error = length - edges.rest_length[e];
+    let share = if error > 0.0 { tension.of(edges.input[e] as usize) } else { compression.of(edges.input[e] as usize) };
+    let mut way = share.stiffness * error;
+    if share.damping > 0.0 {
+        way += share.damping * sweep.dt * d.dot(v[j] - v[i]) / length;
+    }
+    if let Some(multiplier) = edges.stretch.get_mut(e) {
+        way -= share.memory * *multiplier;
+        *multiplier += way;
+    }
+    let correction = d * (way / (length * weight));
+    let (way_i, way_j) = (correction * w[i], correction * -w[j]);
+    x[i] += way_i;
+    x[j] += way_j;
+    v[i] += way_i * rate;
+    v[j] += way_j * rate;
+    if share.is_rigid() {
+        particles.rigid_push[i][0] += way_i * rate;
+        particles.rigid_push[j][0] += way_j * rate;
+    }
+    if !particles.reaction.is_empty() {
+        let impulse = correction * rate;
+        if w[i] == 0.0 {
+            particles.reaction[i] += impulse;
         }
+        if w[j] == 0.0 {
+            particles.reaction[j] -= impulse;
+        }
+    }
+}
+
+/// Solves all edges batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
+fn stretch_in_lanes(level: Level, edges: &Edges, particles: &mut Particles, shares: [Share; 2], sweep: Sweep) {
+    if sweep.deterministic {
+        dispatch!(level, simd => stretch_batches(Lanes::<_, false>(simd), edges, particles, shares, sweep));
+    } else {
+        dispatch!(level, simd => stretch_batches(Lanes::<_, true>(simd), edges, particles, shares, sweep));
+    }
+}
+
+#[inline(always)]
+fn stretch_batches<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, edges: &Edges, p: &mut Particles, [t, c]: [Share; 2], sweep: Sweep) {
+    let rate = 1.0 / sweep.dt;
+    let rigid = t.is_rigid() || c.is_rigid();
+    let zero = lanes.splat(0.0);
+    let mut ways = [Rows::default(); 2];
+    for b in 0..edges.batches.len().saturating_sub(1) {
+        let (batch, [i, j]) = edges.batch(b);
+        let x = &mut p.position[..];
+        let v = &mut p.velocity[..x.len()];
+        let rest = lanes.load(&filled(&edges.rest_length[batch.clone()]));
+        let d = lanes.gather(x, &j) - lanes.gather(x, &i);
+        let (wi, wj) = (lanes.gather_numbers(&p.inverse_mass, &i), lanes.gather_numbers(&p.inverse_mass, &j));
+        let length = lanes.length_squared(d).sqrt();
+        let weight = length * (wi + wj);
         let error = length - rest;
-        let share = if error > 0.0 { tension.of(edges.input[e] as usize) } else { compression.of(edges.input[e] as usize) };
-        let mut way = share.stiffness * error;
-        if share.damping > 0.0 {
-            way += share.damping * sweep.dt * d.dot(v[j] - v[i]) / length;
-        }
-        if let Some(multiplier) = edges.stretch.get_mut(e) {
-            way -= share.memory * *multiplier;
-            *multiplier += way;
-        }
-        let correction = d * (way / (length * weight));
-        let (way_i, way_j) = (correction * w[i], correction * -w[j]);
-        x[i] += way_i;
-        x[j] += way_j;
-        v[i] += way_i * rate;
-        v[j] += way_j * rate;
-        if share.is_rigid() {
-            particles.rigid_push[i][0] += way_i * rate;
-            particles.rigid_push[j][0] += way_j * rate;
-        }
-        if !particles.reaction.is_empty() {
-            let impulse = correction * rate;
-            if w[i] == 0.0 {
-                particles.reaction[i] += impulse;
+        let stretched = error.simd_gt(0.0);
+        let share = stretched.select(lanes.splat(t.stiffness), lanes.splat(c.stiffness));
+        let correction = d * weight.simd_gt(0.0).select(share * error / weight, zero);
+        ways[0].store((correction * wi).columns());
+        ways[1].store((correction * -wj).columns());
+        let live = ((1u32 << batch.len()) - 1) as u8;
+        let mut pull = |l: usize| {
+            for (k, i) in [i[l] as usize, j[l] as usize].into_iter().enumerate() {
+                let way = ways[k].vector(l);
+                x[i] += way;
+                v[i] += way * rate;
             }
-            if w[j] == 0.0 {
-                particles.reaction[j] -= impulse;
+        };
+        if live == u8::MAX {
+            for l in 0..LANES {
+                pull(l);
+            }
+        } else {
+            bits(live).for_each(pull);
+        }
+        if rigid {
+            let stretched = stretched.to_bitmask() as u8;
+            for l in bits(
+                live & if t.is_rigid() && c.is_rigid() {
+                    live
+                } else if t.is_rigid() {
+                    stretched
+                } else {
+                    !stretched
+                },
+            ) {
+                for (k, i) in [i[l] as usize, j[l] as usize].into_iter().enumerate() {
+                    p.rigid_push[i][0] += ways[k].vector(l) * rate;
+                }
             }
         }
     }

@@ -297,6 +297,15 @@ impl<S: Simd> Mul<f32x8<S>> for Vec3x8<S> {
     }
 }
 
+/// Up to eight of `from`, made up with zeros.
+#[inline(always)]
+pub(crate) fn filled(from: &[f32]) -> Lane {
+    match from.first_chunk() {
+        Some(all) => *all,
+        None => core::array::from_fn(|l| from.get(l).copied().unwrap_or(0.0)),
+    }
+}
+
 /// A slice by eights; the last is made up with zeros.
 pub(crate) struct Eights<'a, T> {
     full: &'a [[T; LANES]],
@@ -316,6 +325,12 @@ impl<'a, T: Copy + Default> Eights<'a, T> {
     pub(crate) fn get(&self, k: usize) -> &[T; LANES] {
         self.full.get(k).unwrap_or(&self.last)
     }
+}
+
+/// Which bits are set.
+#[inline(always)]
+pub(crate) fn bits(mask: u8) -> impl Iterator<Item = usize> {
+    (0..LANES).filter(move |l| mask >> l & 1 != 0)
 }
 
 /// Eight rows of four, in memory.

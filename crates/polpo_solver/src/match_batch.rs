@@ -17,7 +17,7 @@ use fearless_simd::prelude::*;
 use glam::{Mat3A, Quat, Vec3A};
 
 use crate::batches::Slot;
-use crate::lanes::{LANES, Lane, Lanes, Mat3x8, Quatx8, Rows, SMALL, Vec3x8};
+use crate::lanes::{LANES, Lane, Lanes, Mat3x8, Quatx8, Rows, SMALL, Vec3x8, bits};
 use crate::rotation::DEFINITE;
 use crate::shape_matching::{small_log, turned};
 use crate::{Particles, extract_rotation};
@@ -198,12 +198,6 @@ impl<'a> State<'a> {
         self.rotation[i] = from.new.quat(l);
         self.spin[i] += from.angle.vector(l) * rate;
     }
-}
-
-/// Which bits are set.
-#[inline(always)]
-fn bits(mask: u8) -> impl Iterator<Item = usize> {
-    (0..LANES).filter(move |l| mask >> l & 1 != 0)
 }
 
 /// The rotational part of `a`, lane by lane, from the rotations found last and half the turn `spin` \[rad\] since: see [`extract_rotation`].

@@ -1,6 +1,6 @@
 //! What a body carries: momentum, energy, and how far it is from its rest shape.
 
-use glam::{Mat3A, Quat, Vec3A};
+use glam::{Mat3A, Quat, Vec3, Vec3A};
 
 use crate::workless::{allowed_energy, shed_energy};
 use crate::{Particles, extract_rotation};
@@ -24,7 +24,61 @@ pub struct Momentum {
 
 /// Sums up what the particles carry. An empty body carries nothing.
 pub fn momentum(p: &Particles) -> Momentum {
-    momentum_of(p, 0..p.len(), |_| true)
+    let n = p.len();
+    let (x, v, w) = (&p.position[..n], &p.velocity[..n], &p.angular_velocity[..n]);
+    let (mass, inertia) = (&p.mass[..n], &p.inertia[..n]);
+    let mut first = [(Vec3A::ZERO, 0.0); WAYS];
+    for i in 0..n {
+        let (center, sum) = &mut first[i % WAYS];
+        *center += x[i] * mass[i];
+        *sum += mass[i];
+    }
+    let mut total = Momentum { inertia: Mat3A::ZERO, ..Momentum::default() };
+    for (center, mass) in first {
+        total.center += center;
+        total.mass += mass;
+    }
+    if total.mass > 0.0 {
+        total.center /= total.mass;
+    }
+    let mut parts = [Part::default(); WAYS];
+    for i in 0..n {
+        let part = &mut parts[i % WAYS];
+        let r = x[i] - total.center;
+        let (mr, mv, spin) = (r * mass[i], v[i] * mass[i], w[i] * inertia[i]);
+        part.linear += mv;
+        part.angular += r.cross(mv) + spin;
+        part.energy += mv * v[i] + spin * w[i];
+        part.squares[0] += r * mr.x;
+        part.squares[1] += r * mr.y;
+        part.squares[2] += r * mr.z;
+        part.spins += inertia[i];
+    }
+    let (mut squares, mut spins, mut energy) = (Mat3A::ZERO, 0.0, Vec3A::ZERO);
+    for part in parts {
+        total.linear += part.linear;
+        total.angular += part.angular;
+        energy += part.energy;
+        squares += Mat3A::from_cols(part.squares[0], part.squares[1], part.squares[2]);
+        spins += part.spins;
+    }
+    total.kinetic_energy = 0.5 * energy.element_sum();
+    let round = squares.x_axis.x + squares.y_axis.y + squares.z_axis.z + spins;
+    total.inertia = Mat3A::from_diagonal(Vec3::splat(round)) - squares;
+    total
+}
+
+/// Into how many sums that do not wait for each other [`momentum`] adds up.
+const WAYS: usize = 2;
+
+/// One of those sums: ½ΣE by axes, Σ m·r·rᵀ and ΣI beside what [`Momentum`] says.
+#[derive(Clone, Copy, Default)]
+struct Part {
+    linear: Vec3A,
+    angular: Vec3A,
+    energy: Vec3A,
+    squares: [Vec3A; 3],
+    spins: f32,
 }
 
 /// What the `members` carry; only the spin of those that are `oriented` counts.

@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use glam::{Quat, Vec3A};
 
-use crate::lanes::{Eights, LANES, Lanes, Rows, SMALL};
+use crate::lanes::{Eights, LANES, Lanes, Rows, SMALL, bits};
 use crate::{Particles, quat_exp};
 
 /// Remembers where the substep of `dt` \[s\] begins and moves every particle by its velocity: v += Δt·a, x += Δt·v, q = exp(ω·Δt)·q, for the acceleration `a` \[m/s²\].
@@ -65,7 +65,7 @@ fn turn_in_lanes<S: Simd>(lanes: Lanes<S, false>, rotation: &mut [Quat], spin: &
 
 #[cold]
 fn turn_far(rows: &mut Rows, far: u8, q: &[Quat; LANES], omega: &[Vec3A; LANES], dt: f32) {
-    for l in (0..LANES).filter(|l| far >> l & 1 != 0) {
+    for l in bits(far) {
         rows.set(l, (quat_exp(omega[l] * dt) * q[l]).normalize().into());
     }
 }

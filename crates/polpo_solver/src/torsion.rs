@@ -2,8 +2,9 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
+use glam::{Quat, Vec3A};
 
-use crate::lanes::{Lanes, Rows, SMALL};
+use crate::lanes::{LANES, Lanes, Rows, SMALL, bits};
 use crate::{Edges, Particles, Share, Shares, Sweep, quat_log};
 
 /// Turns the two ends of every edge towards each other, by the share of the twist about the edge between them.
@@ -81,7 +82,9 @@ fn twist_batches<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, edges: &mut
         let (batch, at) = edges.batch(b);
         let [i, j] = &at;
         let d = lanes.gather(&p.position, j) - lanes.gather(&p.position, i);
-        let q = [lanes.gather_quats(&p.rotation, i), lanes.gather_quats(&p.rotation, j)];
+        let (rotation, spin) = (&mut p.rotation[..], &mut p.angular_velocity[..]);
+        let spin = &mut spin[..rotation.len()];
+        let q = [lanes.gather_quats(rotation, i), lanes.gather_quats(rotation, j)];
         let w = [lanes.gather_numbers(&p.inverse_inertia, i), lanes.gather_numbers(&p.inverse_inertia, j)];
         let off = lanes.quotient(q[1], q[0]);
         let v = off.vector();
@@ -100,30 +103,37 @@ fn twist_batches<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, edges: &mut
             new[k].store(lanes.product(lanes.half_exp(half), q[k]).columns());
         }
         let live = ((1u32 << batch.len()) - 1) as u8;
-        let near = near.to_bitmask() as u8;
-        for (l, &[i, j]) in edges.pairs[batch.clone()].iter().enumerate() {
-            if near >> l & 1 != 0 {
-                for (k, i) in [i as usize, j as usize].into_iter().enumerate() {
-                    p.rotation[i] = new[k].quat(l);
-                    p.angular_velocity[i] += angle[k].vector(l) * rate;
-                }
+        let near = live & near.to_bitmask() as u8;
+        if near == u8::MAX {
+            for l in 0..LANES {
+                turn([i[l], j[l]], &new, &angle, l, rate, rotation, spin);
+            }
+        } else {
+            for l in bits(near) {
+                turn([i[l], j[l]], &new, &angle, l, rate, rotation, spin);
             }
         }
         if share.is_rigid() {
-            for (l, &[i, j]) in edges.pairs[batch.clone()].iter().enumerate() {
-                if near >> l & 1 != 0 {
-                    for (k, i) in [i as usize, j as usize].into_iter().enumerate() {
-                        p.rigid_push[i][1] += angle[k].vector(l) * rate;
-                    }
-                }
+            for l in bits(near) {
+                p.rigid_push[i[l] as usize][1] += angle[0].vector(l) * rate;
+                p.rigid_push[j[l] as usize][1] += angle[1].vector(l) * rate;
             }
         }
         let far = live & !near;
         if far != 0 {
-            for e in batch.enumerate().filter(|(l, _)| far >> l & 1 != 0).map(|(_, e)| e) {
-                twist_edge(edges, p, e, share.into(), sweep);
+            for l in bits(far) {
+                twist_edge(edges, p, batch.start + l, share.into(), sweep);
             }
         }
+    }
+}
+
+/// Turns the ends of the edge in lane `l`.
+#[inline(always)]
+fn turn(ends: [u32; 2], new: &[Rows; 2], angle: &[Rows; 2], l: usize, rate: f32, rotation: &mut [Quat], spin: &mut [Vec3A]) {
+    for (k, i) in ends.into_iter().enumerate() {
+        rotation[i as usize] = new[k].quat(l);
+        spin[i as usize] += angle[k].vector(l) * rate;
     }
 }
 
@@ -132,7 +142,6 @@ mod tests {
     use super::*;
     use crate::testing::line;
     use crate::{ParticleRest, Stiffness, quat_exp};
-    use glam::{Quat, Vec3A};
 
     fn solve(edges: &Edges, particles: &mut Particles, fraction: f32) {
         solve_torsion(&mut edges.clone(), particles, Stiffness::Fraction(fraction).share(0.01).into(), Sweep::only(0.01));

@@ -10,7 +10,8 @@
 //! ```
 //!
 //! Every stage is a function on the slices of [`Particles`] and the data of one capability ([`ImplicitGroups`], [`Edges`], [`Contacts`]). Nothing here knows an ECS, a file, a
-//! thread or a clock, and nothing calls the platform's transcendental functions: the same input gives the same bits everywhere `f32` arithmetic is IEEE 754.
+//! thread or a clock, and nothing calls the platform's transcendental functions: the same input gives the same bits on every run and any number of threads, and, if [`Sweep::deterministic`] is set, everywhere `f32` arithmetic is IEEE 754.
+//! Without it processors with a fused multiply-add use it.
 //!
 //! After Müller & Chentanez, *Solid Simulation with Oriented Particles* (2011), with the corrections that each module derives where it departs from the paper.
 //!

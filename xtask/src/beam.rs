@@ -90,7 +90,7 @@ impl Beam {
         integrate(particles, dt, drag);
         predict(particles, Vec3A::NEG_Y * GRAVITY, dt);
         match way {
-            Way::Swept => solve_calibrated_edges(rods, particles, dt),
+            Way::Swept => solve_calibrated_edges(rods, particles, Sweep::only(dt)),
             Way::Direct => {
                 direct.solve(rods, particles, dt);
             }

@@ -312,7 +312,7 @@ pub(crate) fn solve_rods(time: Res<SubstepTime>, mut bodies: Query<(&mut Particl
                     direct.solve(edges, &mut particles, time.delta);
                 }
                 None => {
-                    polpo_solver::solve_calibrated_edges(edges, &mut particles, time.delta);
+                    polpo_solver::solve_calibrated_edges(edges, &mut particles, time.sweep());
                     polpo_solver::solve_rings(rings, &mut particles, time.delta);
                 }
             }

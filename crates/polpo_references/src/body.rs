@@ -202,7 +202,7 @@ impl Body {
                 Some(direct) => {
                     direct.solve(rods, &mut self.particles, sweep.dt);
                 }
-                None => solve_calibrated_edges(rods, &mut self.particles, sweep.dt),
+                None => solve_calibrated_edges(rods, &mut self.particles, sweep),
             }
         }
         match_explicit_groups(&mut self.explicit, &mut self.particles, sweep);

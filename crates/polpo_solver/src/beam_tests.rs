@@ -4,8 +4,8 @@ use glam::Vec3A;
 
 use crate::testing::{Random, line};
 use crate::{
-    CalibratedEdges, CalibrationError, DirectEdges, Edges, Material, Particles, Section, integrate, momentum, predict, quat_exp, quat_log,
-    restore_angular_momentum, solve_calibrated_edges,
+    CalibratedEdges, CalibrationError, DirectEdges, Edges, Material, Particles, Section, Sweep, integrate, momentum, predict, quat_exp,
+    quat_log, restore_angular_momentum, solve_calibrated_edges,
 };
 
 const DENSITY: f32 = 1000.0;
@@ -60,7 +60,7 @@ impl Bar {
     /// The constraints of a substep.
     fn solve(&mut self, dt: f32) -> usize {
         match &mut self.solver {
-            Solver::Sweep => solve_calibrated_edges(&self.edges, &mut self.p, dt),
+            Solver::Sweep => solve_calibrated_edges(&self.edges, &mut self.p, Sweep::only(dt)),
             Solver::Direct(direct) => return direct.solve(&self.edges, &mut self.p, dt),
         }
         1
@@ -209,7 +209,7 @@ fn an_edge_keeps_linear_and_angular_momentum() {
             p.rotation[i] = quat_exp(random.vector());
             p.velocity[i] = Vec3A::ZERO;
         }
-        solve_calibrated_edges(&bar.edges, p, 0.01);
+        solve_calibrated_edges(&bar.edges, p, Sweep::only(0.01));
         let (mut linear, mut angular, mut scale) = (Vec3A::ZERO, Vec3A::ZERO, 0.0f32);
         // The impulses, at the places where they acted.
         let back = |i: usize| p.position[i] - p.velocity[i] * 0.01;

@@ -1,9 +1,13 @@
 //! Calibrated edges: stretch, shear, bend and twist from a material, without tuning.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x8};
 use glam::{Mat3A, Quat, Vec3A};
 
-use crate::Particles;
 use crate::edge_strain::BENT;
+use crate::lanes::{LANES, Lanes, Quatx8, Rows, SMALL, Vec3x8, bits};
+use crate::particles::Moving;
+use crate::{Particles, Sweep};
 
 /// Edges that carry stretch, shear, bend and twist, sorted by colour: made from a section by [`rods`](Self::rods), or from the facets between the cells of a body by
 /// [`from_facets`](Self::from_facets).
@@ -28,6 +32,8 @@ pub struct CalibratedEdges {
     pub retardation: f32,
     /// The inverse of how the ends are turned in the rest pose; empty while they are not.
     pub(crate) rest_turn: Vec<[Quat; 2]>,
+    /// Where each batch of up to eight edges that share no particle starts in `pairs`, and the end of the last; none: edges made by hand are solved one by one.
+    pub(crate) batches: Vec<u32>,
     /// Axes, gap and contact points as the edges were made; empty until they are posed.
     pub(crate) made: Vec<MadeEdge>,
 }
@@ -87,7 +93,7 @@ pub(crate) fn ninth_tenth(values: impl Iterator<Item = f32>) -> Option<f32> {
     (values.len() * 9).div_ceil(10).checked_sub(1).map(|at| values[at])
 }
 
-/// Solves every edge once, in a substep of `dt` \[s\].
+/// Solves every edge once, in the substep of `sweep`.
 ///
 /// The edge is a group of two whose rotation is the mean of its ends': R = mat(normalise(q_i + q_j)·F), with the sign of q_j for which they are turned against each other by less than half a turn or,
 /// where they are bent far and it takes less energy, by more: else R would jump, and energy with it, where an edge is folded. With the contact points' gap
@@ -111,72 +117,85 @@ pub(crate) fn ninth_tenth(values: impl Iterator<Item = f32>) -> Option<f32> {
 ///
 /// The ½D: a cold Gauss–Seidel sweep adds that much compliance on the average, and taking it off makes the answer independent of δt. With a retardation τ, C + τ·dC/dt takes the place of C and
 /// (1 + τ/δt)·D that of D, for the same reason. Stable at every δt; see [`CalibratedEdges::recommended_substeps`] for what it is worth there.
-pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles, dt: f32) {
+///
+/// Edges are solved batch after batch, those of a batch side by side in vector lanes. Retardation, rest poses, edges bent by more than 50° and a list of who pulls at pins take the scalar path.
+pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles, sweep: Sweep) {
+    let count = edges.pairs.len();
+    let plain = edges.lag(1.0) <= 0.0 && edges.rest_turn.is_empty() && particles.reaction.is_empty();
+    if plain && edges.batches.last().is_some_and(|&end| end as usize == count) {
+        strain_in_lanes(Level::new(), edges, particles, sweep);
+    } else {
+        for e in 0..count {
+            strain_edge(edges, particles, e, sweep.dt);
+        }
+    }
+}
+
+/// Solves edge `e` alone.
+fn strain_edge(edges: &CalibratedEdges, particles: &mut Particles, e: usize, dt: f32) {
     let rate = 1.0 / dt;
     let rate2 = rate * rate;
     let lag = edges.lag(rate);
-    for (e, &[i, j]) in edges.pairs.iter().enumerate() {
-        let (i, j) = (i as usize, j as usize);
-        let (wi, wj) = (particles.inverse_mass[i], particles.inverse_mass[j]);
-        let (ui, uj) = (particles.inverse_inertia[i], particles.inverse_inertia[j]);
-        let (qi, qj) = (particles.rotation[i], particles.rotation[j]);
-        let mut gap = particles.position[j] - particles.position[i];
-        let (mut arm_i, mut arm_j) = (Vec3A::ZERO, Vec3A::ZERO);
-        if let Some(&[si, sj]) = edges.contact.get(e) {
-            (arm_i, arm_j) = (qi * si, qj * sj);
-            gap += arm_j - arm_i;
-        }
-        arm_i += gap * 0.5;
-        arm_j -= gap * 0.5;
-        let (qi, qj) = match edges.rest_turn.get(e) {
-            Some(&[back_i, back_j]) => (qi * back_i, qj * back_j),
-            None => (qi, qj),
+    let [i, j] = edges.pairs[e].map(|i| i as usize);
+    let (wi, wj) = (particles.inverse_mass[i], particles.inverse_mass[j]);
+    let (ui, uj) = (particles.inverse_inertia[i], particles.inverse_inertia[j]);
+    let (qi, qj) = (particles.rotation[i], particles.rotation[j]);
+    let mut gap = particles.position[j] - particles.position[i];
+    let (mut arm_i, mut arm_j) = (Vec3A::ZERO, Vec3A::ZERO);
+    if let Some(&[si, sj]) = edges.contact.get(e) {
+        (arm_i, arm_j) = (qi * si, qj * sj);
+        gap += arm_j - arm_i;
+    }
+    arm_i += gap * 0.5;
+    arm_j -= gap * 0.5;
+    let (qi, qj) = match edges.rest_turn.get(e) {
+        Some(&[back_i, back_j]) => (qi * back_i, qj * back_j),
+        None => (qi, qj),
+    };
+    let strains = |qj: Quat| {
+        let r = Mat3A::from_quat((qi + qj).normalize() * edges.frame[e]);
+        let p = qj * qi.inverse();
+        let bend = Vec3A::new(p.x, p.y, p.z) * (4.0 / (1.0 + p.w));
+        (r, r.transpose() * gap - edges.rest_gap[e], bend, r.transpose() * bend)
+    };
+    let near = qi.dot(qj);
+    let (mut r, mut gamma, mut bend, mut phi) = strains(if near < 0.0 { -qj } else { qj });
+    if near.abs() < BENT as f32 {
+        let long = strains(if near < 0.0 { qj } else { -qj });
+        let energy = |gamma: Vec3A, phi: Vec3A| {
+            (gamma * gamma).dot(edges.stretch_compliance[e].recip()) + (phi * phi).dot(edges.bend_compliance[e].recip())
         };
-        let strains = |qj: Quat| {
-            let r = Mat3A::from_quat((qi + qj).normalize() * edges.frame[e]);
-            let p = qj * qi.inverse();
-            let bend = Vec3A::new(p.x, p.y, p.z) * (4.0 / (1.0 + p.w));
-            (r, r.transpose() * gap - edges.rest_gap[e], bend, r.transpose() * bend)
-        };
-        let near = qi.dot(qj);
-        let (mut r, mut gamma, mut bend, mut phi) = strains(if near < 0.0 { -qj } else { qj });
-        if near.abs() < BENT as f32 {
-            let long = strains(if near < 0.0 { qj } else { -qj });
-            let energy = |gamma: Vec3A, phi: Vec3A| {
-                (gamma * gamma).dot(edges.stretch_compliance[e].recip()) + (phi * phi).dot(edges.bend_compliance[e].recip())
-            };
-            if energy(long.1, long.3) < energy(gamma, phi) {
-                (r, gamma, bend, phi) = long;
-            }
+        if energy(long.1, long.3) < energy(gamma, phi) {
+            (r, gamma, bend, phi) = long;
         }
-        let back = r.transpose();
-        let steep = 1.0 + bend.length_squared() * (1.0 / 16.0);
-        if lag > 0.0 {
-            let (turn_i, turn_j) = (particles.angular_velocity[i], particles.angular_velocity[j]);
-            let parting = particles.velocity[j] + turn_j.cross(arm_j) - particles.velocity[i] - turn_i.cross(arm_i);
-            gamma += back * parting * (lag * dt);
-            phi += back * (turn_j - turn_i) * (steep * lag * dt);
-        }
+    }
+    let back = r.transpose();
+    let steep = 1.0 + bend.length_squared() * (1.0 / 16.0);
+    if lag > 0.0 {
+        let (turn_i, turn_j) = (particles.angular_velocity[i], particles.angular_velocity[j]);
+        let parting = particles.velocity[j] + turn_j.cross(arm_j) - particles.velocity[i] - turn_i.cross(arm_i);
+        gamma += back * parting * (lag * dt);
+        phi += back * (turn_j - turn_i) * (steep * lag * dt);
+    }
 
-        let across = |arm: Vec3A| {
-            let a = back * arm;
-            Vec3A::splat(a.length_squared()) - a * a
-        };
-        let weight = (Vec3A::splat(wi + wj) + across(arm_i) * ui + across(arm_j) * uj) * (1.0 + lag);
-        let force = r * -over(gamma, (edges.stretch_compliance[e] * rate2 + weight * 0.5).max(weight));
-        let weight = Vec3A::splat(steep * steep * (ui + uj) * (1.0 + lag));
-        let moment =
-            r * over(phi, (edges.bend_compliance[e] * rate2 + weight * 0.5).max(weight)) * -steep + bend.cross(force.cross(gap)) * 0.125;
+    let across = |arm: Vec3A| {
+        let a = back * arm;
+        Vec3A::splat(a.length_squared()) - a * a
+    };
+    let weight = (Vec3A::splat(wi + wj) + across(arm_i) * ui + across(arm_j) * uj) * (1.0 + lag);
+    let force = r * -over(gamma, (edges.stretch_compliance[e] * rate2 + weight * 0.5).max(weight));
+    let weight = Vec3A::splat(steep * steep * (ui + uj) * (1.0 + lag));
+    let moment =
+        r * over(phi, (edges.bend_compliance[e] * rate2 + weight * 0.5).max(weight)) * -steep + bend.cross(force.cross(gap)) * 0.125;
 
-        for (k, sign, arm, w, u) in [(i, -1.0, arm_i, wi, ui), (j, 1.0, arm_j, wj, uj)] {
-            if w > 0.0 {
-                particles.displace(k, force * (sign * w), rate);
-            } else if let Some(reaction) = particles.reaction.get_mut(k) {
-                *reaction += force * (sign * rate);
-            }
-            if u > 0.0 {
-                particles.turn(k, (arm.cross(force) + moment) * (sign * u), rate);
-            }
+    for (k, sign, arm, w, u) in [(i, -1.0, arm_i, wi, ui), (j, 1.0, arm_j, wj, uj)] {
+        if w > 0.0 {
+            particles.displace(k, force * (sign * w), rate);
+        } else if let Some(reaction) = particles.reaction.get_mut(k) {
+            *reaction += force * (sign * rate);
+        }
+        if u > 0.0 {
+            particles.turn(k, (arm.cross(force) + moment) * (sign * u), rate);
         }
     }
 }
@@ -185,4 +204,166 @@ pub fn solve_calibrated_edges(edges: &CalibratedEdges, particles: &mut Particles
 #[inline]
 fn over(a: Vec3A, b: Vec3A) -> Vec3A {
     Vec3A::select(b.cmpgt(Vec3A::ZERO), a / b, Vec3A::ZERO)
+}
+
+/// Solves all edges batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
+fn strain_in_lanes(level: Level, edges: &CalibratedEdges, particles: &mut Particles, sweep: Sweep) {
+    if sweep.deterministic {
+        dispatch!(level, simd => strain_batches(Lanes::<_, false>(simd), edges, particles, sweep.dt));
+    } else {
+        dispatch!(level, simd => strain_batches(Lanes::<_, true>(simd), edges, particles, sweep.dt));
+    }
+}
+
+#[inline(always)]
+fn strain_batches<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, edges: &CalibratedEdges, p: &mut Particles, dt: f32) {
+    let rate = 1.0 / dt;
+    let rate2 = lanes.splat(rate * rate);
+    let (zero, half, one) = (lanes.splat(0.0), lanes.splat(0.5), lanes.splat(1.0));
+    let mut rows = [Rows::default(); 6];
+    for ends in edges.batches.windows(2) {
+        let batch = ends[0] as usize..ends[1] as usize;
+        let pairs = &edges.pairs[batch.clone()];
+        let end = |k: usize| core::array::from_fn(|l| pairs.get(l).unwrap_or(&pairs[0])[k]);
+        let [i, j]: [[u32; LANES]; 2] = [end(0), end(1)];
+        let (wi, wj) = (lanes.gather_numbers(&p.inverse_mass, &i), lanes.gather_numbers(&p.inverse_mass, &j));
+        let (ui, uj) = (lanes.gather_numbers(&p.inverse_inertia, &i), lanes.gather_numbers(&p.inverse_inertia, &j));
+        let (qi, qj) = (lanes.gather_quats(&p.rotation, &i), lanes.gather_quats(&p.rotation, &j));
+        let mut gap = lanes.gather(&p.position, &j) - lanes.gather(&p.position, &i);
+        let (mut arm_i, mut arm_j) = (lanes.zero(), lanes.zero());
+        // A lane without an edge repeats the first.
+        let row = |l: usize| batch.start + if l < pairs.len() { l } else { 0 };
+        if !edges.contact.is_empty() {
+            arm_i = lanes.transform_add(lanes.matrix(qi), lanes.vectors(|l| edges.contact[row(l)][0]), arm_i);
+            arm_j = lanes.transform_add(lanes.matrix(qj), lanes.vectors(|l| edges.contact[row(l)][1]), arm_j);
+            gap = gap + arm_j - arm_i;
+        }
+        arm_i = lanes.scale_add(gap, half, arm_i);
+        arm_j = lanes.scale_add(gap, -half, arm_j);
+        let near = lanes.mul_add(qi.w, qj.w, lanes.dot(qi.vector(), qj.vector()));
+        let sign = near.simd_lt(zero).select(-one, one);
+        let far_j = Quatx8 { x: qj.x * sign, y: qj.y * sign, z: qj.z * sign, w: qj.w * sign };
+        let middle = Quatx8 { x: qi.x + far_j.x, y: qi.y + far_j.y, z: qi.z + far_j.z, w: qi.w + far_j.w };
+        let r = lanes.matrix(lanes.product(lanes.normalize(middle), lanes.quats(|l| edges.frame[row(l)])));
+        let turn = lanes.quotient(far_j, qi);
+        let bend = turn.vector() * (lanes.splat(4.0) / (one + turn.w));
+
+        let (gamma, phi) = (lanes.transpose_times(r, gap) - lanes.vectors(|l| edges.rest_gap[row(l)]), lanes.transpose_times(r, bend));
+        let steep = lanes.mul_add(lanes.length_squared(bend), lanes.splat(1.0 / 16.0), one);
+
+        let both = wi + wj;
+        let weight = across(lanes, lanes.transpose_times(r, arm_i), ui, Vec3x8 { x: both, y: both, z: both });
+        let weight = across(lanes, lanes.transpose_times(r, arm_j), uj, weight);
+        let give = lanes.vectors(|l| edges.stretch_compliance[row(l)]);
+        let pull = yielding(lanes, gamma, give * rate2, weight);
+        let force = lanes.transform_add(r, pull * -one, lanes.zero());
+        let give = lanes.vectors(|l| edges.bend_compliance[row(l)]);
+        let weight = steep * steep * (ui + uj);
+        let wring = yielding(lanes, phi, give * rate2, Vec3x8 { x: weight, y: weight, z: weight });
+        let moment = lanes.cross(bend, lanes.cross(force, gap)) * lanes.splat(0.125);
+        let moment = lanes.transform_add(r, wring * -steep, moment);
+
+        let mut small = near.abs().simd_ge(BENT as f32);
+        for (k, (arm, q, w, u, sign)) in [(arm_i, qi, wi, ui, -one), (arm_j, qj, wj, uj, one)].into_iter().enumerate() {
+            let angle = (lanes.cross(arm, force) + moment) * (sign * u);
+            let half_angle = angle * half;
+            small &= lanes.length_squared(half_angle).simd_lt(SMALL);
+            rows[3 * k].store((force * (sign * w)).columns());
+            rows[3 * k + 1].store(angle.columns());
+            rows[3 * k + 2].store(lanes.product(lanes.half_exp(half_angle), q).columns());
+        }
+        let live = ((1u32 << pairs.len()) - 1) as u8;
+        let small = live & small.to_bitmask() as u8;
+        let mut state = Moving::of(p);
+        if small == u8::MAX {
+            for l in 0..LANES {
+                displace_ends(&mut state, [i[l], j[l]], &rows, l, rate);
+            }
+        } else {
+            for l in bits(small) {
+                displace_ends(&mut state, [i[l], j[l]], &rows, l, rate);
+            }
+        }
+        let far = live & !small;
+        if far != 0 {
+            for l in bits(far) {
+                strain_edge(edges, p, batch.start + l, dt);
+            }
+        }
+    }
+}
+
+/// `sum` and u·|a × e_k|² for each of the three axes.
+#[inline(always)]
+fn across<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, a: Vec3x8<S>, u: f32x8<S>, sum: Vec3x8<S>) -> Vec3x8<S> {
+    let all = lanes.length_squared(a);
+    Vec3x8 {
+        x: lanes.mul_add(lanes.sub_mul(all, a.x, a.x), u, sum.x),
+        y: lanes.mul_add(lanes.sub_mul(all, a.y, a.y), u, sum.y),
+        z: lanes.mul_add(lanes.sub_mul(all, a.z, a.z), u, sum.z),
+    }
+}
+
+/// C/max(α/δt² + ½D, D) for each of the three rows, zero where that is not positive.
+#[inline(always)]
+fn yielding<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, error: Vec3x8<S>, give: Vec3x8<S>, weight: Vec3x8<S>) -> Vec3x8<S> {
+    Vec3x8 {
+        x: yielding_row(lanes, error.x, give.x, weight.x),
+        y: yielding_row(lanes, error.y, give.y, weight.y),
+        z: yielding_row(lanes, error.z, give.z, weight.z),
+    }
+}
+
+#[inline(always)]
+fn yielding_row<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, error: f32x8<S>, give: f32x8<S>, weight: f32x8<S>) -> f32x8<S> {
+    let soft = lanes.mul_add(weight, lanes.splat(0.5), give);
+    let by = soft.simd_gt(weight).select(soft, weight);
+    let zero = lanes.splat(0.0);
+    by.simd_gt(zero).select(error / by, zero)
+}
+
+/// Moves and turns the ends of the edge in lane `l` by `rows`: way, angle and new rotation of either.
+#[inline(always)]
+fn displace_ends(state: &mut Moving, ends: [u32; 2], rows: &[Rows; 6], l: usize, rate: f32) {
+    for (k, i) in ends.into_iter().enumerate() {
+        state.displace(i as usize, rows[3 * k].vector(l), rows[3 * k + 1].vector(l), rows[3 * k + 2].quat(l), rate);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_close, blob, same_at_every_level, stir};
+    use crate::{Edges, Material, Section};
+
+    /// Eight edges side by side come out as one by one, but for rounding; with every instruction set the same bits, where that was asked for. Rods, and edges with contact points; some folded, some pinned.
+    #[test]
+    fn lanes_do_what_one_edge_does() {
+        let material = Material { youngs_modulus: 1e5, poissons_ratio: 0.3, density: 1000.0 };
+        let (mut rods, pairs) = blob();
+        let edges = Edges::new(&rods, &pairs).unwrap();
+        let bars = CalibratedEdges::rods(&mut rods, &edges, &material, &Section::circle(0.02), Some(0.05), &[]).unwrap();
+        let mut contacts = bars.clone();
+        let half = |e: usize, k: usize| rods.rest_position[bars.pairs[e][1 - k] as usize] - rods.rest_position[bars.pairs[e][k] as usize];
+        contacts.contact =
+            (0..bars.pairs.len()).map(|e| [half(e, 0) * 0.5 + Vec3A::X * 0.01, half(e, 1) * 0.5 + Vec3A::Y * 0.01]).collect();
+        for edges in [bars.clone(), contacts] {
+            for size in [1e-3, 0.1, 0.7] {
+                let mut p = rods.clone();
+                stir(&mut p, 11, size);
+                p.pin(3, true, true);
+                p.pin(8, true, false);
+                let (mut lanes, mut alone) = (p.clone(), p.clone());
+                solve_calibrated_edges(&edges, &mut lanes, Sweep::only(0.002));
+                for e in 0..edges.pairs.len() {
+                    strain_edge(&edges, &mut alone, e, 0.002);
+                }
+                assert_ne!(alone, p);
+                assert_close(&lanes, &alone, if size > 0.5 { 2e-3 } else { 5e-5 });
+                same_at_every_level(&p, |p, level| {
+                    strain_in_lanes(level, &edges, p, Sweep { deterministic: true, ..Sweep::only(0.002) });
+                });
+            }
+        }
+    }
 }

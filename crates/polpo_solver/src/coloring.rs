@@ -65,6 +65,15 @@ pub(crate) fn color_rows<'a>(particles: usize, rows: impl ExactSizeIterator<Item
     (order, starts)
 }
 
+/// Cuts rows sorted by colour, whose colours start at `starts`, into batches of at most `width` of one colour; returns where each begins, plus the end.
+///
+/// [`batch_rows`] fills batches better, but takes rows in another order.
+pub(crate) fn cut(starts: &[u32], width: usize) -> Vec<u32> {
+    let mut batches: Vec<u32> = starts.windows(2).flat_map(|ends| (ends[0]..ends[1]).step_by(width)).collect();
+    batches.extend(starts.last());
+    batches
+}
+
 /// How many unfilled batches are kept open for further rows.
 const OPEN: usize = 64;
 
@@ -152,6 +161,12 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn batches_end_with_their_colour() {
+        assert_eq!(cut(&[0, 3, 12, 28], 8), [0, 3, 11, 12, 20, 28]);
+        assert_eq!(cut(&[0], 8), [0]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3A};
 use crate::facet_bodies::{Body, DENSITY, Solid, Stiff};
 use crate::testing::Random;
 use crate::{
-    CalibratedEdges, Facet, Limb, Material, Particles, RestPose, Section, integrate, momentum, predict, quat_exp, quat_log,
+    CalibratedEdges, Facet, Limb, Material, Particles, RestPose, Section, Sweep, integrate, momentum, predict, quat_exp, quat_log,
     restore_angular_momentum, solve_calibrated_edges, solve_rings,
 };
 
@@ -26,7 +26,7 @@ fn the_substeps_of_the_rule_are_enough_for_facets() {
                 let late = step >= 120 * substeps;
                 integrate(&mut p, dt, if late { 0.5 } else { 6.0 });
                 predict(&mut p, Vec3A::Y * -9.81, dt);
-                solve_calibrated_edges(&edges, &mut p, dt);
+                solve_calibrated_edges(&edges, &mut p, Sweep::only(dt));
                 solve_rings(&rings, &mut p, dt);
                 if late {
                     for (i, [still, _]) in still.iter().take(count).enumerate() {
@@ -66,7 +66,7 @@ fn a_slender_bar_takes_two_fifths_of_the_substeps_when_its_stretch_is_capped() {
                 let step = |p: &mut Particles, gravity: f32, drag: f32| {
                     integrate(p, dt, drag);
                     predict(p, Vec3A::Y * -gravity, dt);
-                    solve_calibrated_edges(&edges, p, dt);
+                    solve_calibrated_edges(&edges, p, Sweep::only(dt));
                     solve_rings(&rings, p, dt);
                 };
                 let hung: Vec<f32> = (0..count).map(|i| sag(body.p.rest_position[i].x)).collect();
@@ -143,7 +143,7 @@ fn cells_follow_a_rest_pose() {
         p.rotation[i] = (turn * pose.rotation[i]).normalize();
     }
     let there = p.clone();
-    solve_calibrated_edges(&edges, &mut p, 0.01);
+    solve_calibrated_edges(&edges, &mut p, Sweep::only(0.01));
     solve_rings(&rings, &mut p, 0.01);
     for i in 0..body.cells {
         assert!(p.position[i].distance(there.position[i]) < 3e-6, "{i}: {}", p.position[i].distance(there.position[i]));
@@ -154,7 +154,7 @@ fn cells_follow_a_rest_pose() {
     for _ in 0..1200 {
         integrate(&mut p, dt, 6.0);
         predict(&mut p, Vec3A::ZERO, dt);
-        solve_calibrated_edges(&edges, &mut p, dt);
+        solve_calibrated_edges(&edges, &mut p, Sweep::only(dt));
         solve_rings(&rings, &mut p, dt);
     }
     for i in 0..body.cells {
@@ -186,7 +186,7 @@ fn a_free_body_of_facets_neither_drifts_nor_gains_energy() {
         for _ in 0..(3.0 / dt) as usize {
             predict(&mut p, Vec3A::ZERO, dt);
             let angular = momentum(&p).angular;
-            solve_calibrated_edges(&edges, &mut p, dt);
+            solve_calibrated_edges(&edges, &mut p, Sweep::only(dt));
             solve_rings(&rings, &mut p, dt);
             restore_angular_momentum(&mut p, angular, dt);
             let now = momentum(&p).kinetic_energy;

@@ -4,7 +4,8 @@ use core::f32::consts::PI;
 
 use glam::{Mat3A, Quat, Vec3A};
 
-use crate::coloring::{color_rows, rank};
+use crate::coloring::{color_rows, cut, rank};
+use crate::lanes::LANES;
 use crate::material::not_negative;
 use crate::{CalibratedEdges, CalibrationError, Material, Particles, Rings};
 
@@ -78,8 +79,8 @@ impl CalibratedEdges {
         for m in &mut fabric {
             *m = (*m + m.transpose()) * 0.5;
         }
-        let (order, _) = color_rows(count, facets.iter().map(|f| f.pair.as_slice()));
-        let mut this = Self::default();
+        let (order, colors) = color_rows(count, facets.iter().map(|f| f.pair.as_slice()));
+        let mut this = Self { batches: cut(&colors, LANES), ..Self::default() };
         for &f in &order {
             let facet = &facets[f as usize];
             let [i, j] = facet.pair;

@@ -108,6 +108,12 @@ impl<S: Simd, const FUSED: bool> Lanes<S, FUSED> {
         self.scale_add(m.z, v.z, self.scale_add(m.y, v.y, self.scale_add(m.x, v.x, c)))
     }
 
+    /// The matrix' transpose times a vector.
+    #[inline(always)]
+    pub(crate) fn transpose_times(self, m: Mat3x8<S>, v: Vec3x8<S>) -> Vec3x8<S> {
+        Vec3x8 { x: self.dot(m.x, v), y: self.dot(m.y, v), z: self.dot(m.z, v) }
+    }
+
     /// The product a·b.
     #[inline(always)]
     pub(crate) fn product(self, a: Quatx8<S>, b: Quatx8<S>) -> Quatx8<S> {
@@ -172,18 +178,21 @@ impl<S: Simd, const FUSED: bool> Lanes<S, FUSED> {
         Quatx8 { x: half.x * sine, y: half.y * sine, z: half.z * sine, w: cosine }
     }
 
-    /// Eight in a row, one a lane.
     #[inline(always)]
-    pub(crate) fn vectors(self, from: &[Vec3A; LANES]) -> Vec3x8<S> {
-        let [x, y, z, _] = self.columns(|l| padded(from[l]));
+    pub(crate) fn vectors(self, vector: impl Fn(usize) -> Vec3A) -> Vec3x8<S> {
+        let [x, y, z, _] = self.columns(|l| padded(vector(l)));
         Vec3x8 { x, y, z }
+    }
+
+    #[inline(always)]
+    pub(crate) fn cross(self, a: Vec3x8<S>, b: Vec3x8<S>) -> Vec3x8<S> {
+        Vec3x8 { x: self.sub_mul(a.y * b.z, a.z, b.y), y: self.sub_mul(a.z * b.x, a.x, b.z), z: self.sub_mul(a.x * b.y, a.y, b.x) }
     }
 
     /// `from[at[l]]` in lane l.
     #[inline(always)]
     pub(crate) fn gather(self, from: &[Vec3A], at: &[u32; LANES]) -> Vec3x8<S> {
-        let [x, y, z, _] = self.columns(|l| padded(from[at[l] as usize]));
-        Vec3x8 { x, y, z }
+        self.vectors(|l| from[at[l] as usize])
     }
 
     /// `from[at[l]]` in lane l.

@@ -14,10 +14,11 @@
 
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
-use glam::{Mat3A, Quat, Vec3A};
+use glam::{Mat3A, Quat};
 
 use crate::batches::Slot;
 use crate::lanes::{LANES, Lane, Lanes, Mat3x8, Quatx8, Rows, SMALL, Vec3x8, bits};
+use crate::particles::Moving;
 use crate::rotation::DEFINITE;
 use crate::shape_matching::{small_log, turned};
 use crate::{Particles, extract_rotation};
@@ -71,7 +72,7 @@ pub(crate) fn match_batch<S: Simd, const FUSED: bool>(
     dt: f32,
 ) {
     let Some(first) = slots.first() else { return };
-    let mut state = State::of(p);
+    let mut state = Moving::of(p);
     let origin = lanes.gather(state.position, &first.particle);
     let (mut mass, mut center, mut rest_center) = (lanes.splat(0.0), lanes.zero(), lanes.zero());
     let mut a = Mat3x8 { x: lanes.zero(), y: lanes.zero(), z: lanes.zero() };
@@ -140,11 +141,11 @@ pub(crate) fn match_batch<S: Simd, const FUSED: bool>(
         let live = live & share.active;
         if live == u8::MAX {
             for l in 0..LANES {
-                state.displace(slot.particle[l] as usize, from, l, rate);
+                state.displace(slot.particle[l] as usize, from.way.vector(l), from.angle.vector(l), from.new.quat(l), rate);
             }
         } else {
             for l in bits(live) {
-                state.displace(slot.particle[l] as usize, from, l, rate);
+                state.displace(slot.particle[l] as usize, from.way.vector(l), from.angle.vector(l), from.new.quat(l), rate);
             }
         }
         if share.rigid != 0 {
@@ -165,38 +166,6 @@ fn turn_far(to: &mut Gathered, far: u8, rotation: &[Quat], stiffness: &Lane) {
         let angle = small_log(rotation[l] * old.inverse()) * stiffness[l];
         to.angle.set(l, angle.extend(0.0));
         to.new.set(l, turned(old, angle).into());
-    }
-}
-
-/// What the kernel changes, of the same length all.
-struct State<'a> {
-    position: &'a mut [Vec3A],
-    velocity: &'a mut [Vec3A],
-    rotation: &'a mut [Quat],
-    spin: &'a mut [Vec3A],
-    rigid_push: &'a mut [[Vec3A; 2]],
-}
-
-impl<'a> State<'a> {
-    #[inline(always)]
-    fn of(p: &'a mut Particles) -> Self {
-        let n = p.position.len();
-        Self {
-            position: &mut p.position,
-            velocity: &mut p.velocity[..n],
-            rotation: &mut p.rotation[..n],
-            spin: &mut p.angular_velocity[..n],
-            rigid_push: &mut p.rigid_push,
-        }
-    }
-
-    #[inline(always)]
-    fn displace(&mut self, i: usize, from: &Gathered, l: usize, rate: f32) {
-        let way = from.way.vector(l);
-        self.position[i] += way;
-        self.velocity[i] += way * rate;
-        self.rotation[i] = from.new.quat(l);
-        self.spin[i] += from.angle.vector(l) * rate;
     }
 }
 

@@ -298,6 +298,38 @@ impl Particles {
     }
 }
 
+/// What constraints change, as slices of the same length: a kernel that has them knows so of all when it has looked at one.
+pub(crate) struct Moving<'a> {
+    pub(crate) position: &'a mut [Vec3A],
+    pub(crate) velocity: &'a mut [Vec3A],
+    pub(crate) rotation: &'a mut [Quat],
+    pub(crate) spin: &'a mut [Vec3A],
+    pub(crate) rigid_push: &'a mut [[Vec3A; 2]],
+}
+
+impl<'a> Moving<'a> {
+    #[inline(always)]
+    pub(crate) fn of(p: &'a mut Particles) -> Self {
+        let n = p.position.len();
+        Self {
+            position: &mut p.position,
+            velocity: &mut p.velocity[..n],
+            rotation: &mut p.rotation[..n],
+            spin: &mut p.angular_velocity[..n],
+            rigid_push: &mut p.rigid_push,
+        }
+    }
+
+    /// Moves particle `i` by `way` \[m\] and turns it by `angle` \[rad\] to `rotation`.
+    #[inline(always)]
+    pub(crate) fn displace(&mut self, i: usize, way: Vec3A, angle: Vec3A, rotation: Quat, rate: f32) {
+        self.position[i] += way;
+        self.velocity[i] += way * rate;
+        self.rotation[i] = rotation;
+        self.spin[i] += angle * rate;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -48,7 +48,7 @@ fn turn_in_lanes<S: Simd>(lanes: Lanes<S, false>, rotation: &mut [Quat], spin: &
     last[..rest.len()].copy_from_slice(rest);
     for (k, q) in full.iter_mut().chain([&mut last]).enumerate() {
         let omega = spin.get(k);
-        let half = lanes.vectors(omega) * lanes.splat(0.5 * dt);
+        let half = lanes.vectors(|l| omega[l]) * lanes.splat(0.5 * dt);
         let far = !(lanes.length_squared(half).simd_lt(SMALL).to_bitmask() as u8);
         let turned = lanes.product(lanes.half_exp(half), lanes.quats(|l| q[l]));
         let mut rows = Rows::default();

@@ -2,7 +2,8 @@
 
 use glam::{Quat, Vec3A};
 
-use crate::coloring::color_rows;
+use crate::coloring::{color_rows, cut};
+use crate::lanes::LANES;
 use crate::material::not_negative;
 use crate::{CalibratedEdges, CalibrationError, Edges, Material, Particles, Section};
 
@@ -33,8 +34,8 @@ impl CalibratedEdges {
             return Err(CalibrationError::Length { edge: edges.input[edge] as usize });
         }
         let (e, g) = (material.youngs_modulus, material.shear_modulus());
-        let (order, _) = color_rows(particles.len(), edges.pairs.iter().map(|p| p.as_slice()));
-        let mut this = Self::default();
+        let (order, colors) = color_rows(particles.len(), edges.pairs.iter().map(|p| p.as_slice()));
+        let mut this = Self { batches: cut(&colors, LANES), ..Self::default() };
         let mut mass = vec![0.0f32; particles.len()];
         let mut longest = vec![0.0f32; particles.len()];
         for &edge in &order {

@@ -301,7 +301,7 @@ pub(crate) fn turned(q: Quat, angle: Vec3A) -> Quat {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Random, blob, line, scramble};
+    use crate::testing::{Random, assert_close, blob, line, same_at_every_level, scramble};
     use crate::{Edges, Stiffness, momentum, quat_exp, quat_log};
 
     fn solve(groups: &mut ImplicitGroups, particles: &mut Particles, fraction: f32) {
@@ -415,19 +415,8 @@ mod tests {
                     match_group(&mut alone, &mut b, g, share, Turning::AllMembers, Sweep::only(0.01));
                 }
             }
-            assert_eq!(a.rigid_push.len(), b.rigid_push.len());
-            for i in 0..a.len() {
-                // A matrix of rank two and one inside out have rotations that rounding moves.
-                let tolerance = if k / 4 % 4 == 1 || k / 4 % 4 == 2 { 2e-3 } else { 2e-5 };
-                assert!(
-                    a.position[i].distance(b.position[i]) < tolerance,
-                    "state {k}, particle {i}: {} m",
-                    a.position[i].distance(b.position[i])
-                );
-                assert!(quat_log(a.rotation[i] * b.rotation[i].inverse()).length() < 10.0 * tolerance, "state {k}, particle {i}");
-                assert!(a.velocity[i].distance(b.velocity[i]) < 100.0 * tolerance);
-                assert!(a.angular_velocity[i].distance(b.angular_velocity[i]) < 1000.0 * tolerance);
-            }
+            // A matrix of rank two and one inside out have rotations that rounding moves.
+            assert_close(&a, &b, if k / 4 % 4 == 1 || k / 4 % 4 == 2 { 2e-3 } else { 2e-5 });
         }
     }
 
@@ -435,29 +424,14 @@ mod tests {
     #[test]
     fn the_instruction_set_changes_nothing() {
         let (rest, pairs) = blob();
-        let mut levels = vec![Level::baseline(), Level::new()];
-        #[cfg(target_arch = "x86_64")]
-        {
-            let level = Level::new();
-            levels.extend(level.as_sse4_2().map(Level::Sse4_2));
-            levels.extend(level.as_avx2().map(Level::Avx2));
-            levels.extend(level.as_avx512().map(Level::Avx512));
-        }
         for (p, shares) in states() {
-            let solve = |level: Level| {
-                let (mut p, mut groups) = (p.clone(), groups_of(&rest, &pairs));
+            same_at_every_level(&p, |p, level| {
+                let mut groups = groups_of(&rest, &pairs);
                 p.ready_rigid_push(Shares::Each(&shares));
                 for _ in 0..3 {
-                    match_in_lanes(level, &mut groups, &mut p, Shares::Each(&shares), Sweep { deterministic: true, ..Sweep::only(0.01) });
+                    match_in_lanes(level, &mut groups, p, Shares::Each(&shares), Sweep { deterministic: true, ..Sweep::only(0.01) });
                 }
-                let bits = |v: &[Vec3A]| v.iter().flat_map(|v| v.to_array()).map(f32::to_bits).collect::<Vec<_>>();
-                let turned: Vec<u32> = p.rotation.iter().flat_map(|q| q.to_array()).map(f32::to_bits).collect();
-                (bits(&p.position), bits(&p.velocity), bits(&p.angular_velocity), turned)
-            };
-            let results: Vec<_> = levels.iter().map(|&level| solve(level)).collect();
-            for (level, result) in levels.iter().zip(&results) {
-                assert!(*result == results[0], "{level:?}");
-            }
+            });
         }
     }
 

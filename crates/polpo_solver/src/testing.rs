@@ -1,8 +1,9 @@
 //! Bodies and noise for the kernels' tests.
 
+use fearless_simd::Level;
 use glam::{Quat, Vec3A};
 
-use crate::{ParticleRest, Particles, quat_exp};
+use crate::{ParticleRest, Particles, quat_exp, quat_log};
 
 /// A small generator (xorshift*), so that tests need no dependency and no clock.
 pub(crate) struct Random(pub(crate) u64);
@@ -64,5 +65,53 @@ pub(crate) fn scramble(p: &mut Particles, seed: u64) {
     for i in 0..p.len() {
         p.position[i] += random.vector() * 0.07;
         p.rotation[i] = (quat_exp(random.vector() * 0.5) * p.rotation[i]).normalize();
+    }
+}
+
+/// Moves and turns every particle by up to `size` of its radius, or of a radian, and gives it as much speed.
+pub(crate) fn stir(p: &mut Particles, seed: u64, size: f32) {
+    let mut random = Random(seed);
+    for i in 0..p.len() {
+        let radius = p.radii[i].x;
+        p.position[i] += random.vector() * (size * radius);
+        p.rotation[i] = quat_exp(random.vector() * size) * p.rotation[i];
+        p.velocity[i] = random.vector() * size;
+        p.angular_velocity[i] = random.vector() * size;
+    }
+}
+
+/// Positions and rotations that differ by no more than `tolerance` \[m, rad\], velocities by a hundred, spins by a thousand times that.
+pub(crate) fn assert_close(a: &Particles, b: &Particles, tolerance: f32) {
+    assert_eq!(a.rigid_push.len(), b.rigid_push.len());
+    for i in 0..a.len() {
+        let apart = a.position[i].distance(b.position[i]);
+        assert!(apart < tolerance, "particle {i}: {apart} m");
+        let turned = quat_log(a.rotation[i] * b.rotation[i].inverse()).length();
+        assert!(turned < 10.0 * tolerance, "particle {i}: {turned} rad");
+        assert!(a.velocity[i].distance(b.velocity[i]) < 100.0 * tolerance, "particle {i}");
+        assert!(a.angular_velocity[i].distance(b.angular_velocity[i]) < 1000.0 * tolerance, "particle {i}");
+    }
+    for (a, b) in a.rigid_push.iter().zip(&b.rigid_push) {
+        assert!(a[0].distance(b[0]) < 100.0 * tolerance && a[1].distance(b[1]) < 1000.0 * tolerance);
+    }
+}
+
+/// That `solve` gives the same bits from `p` with every instruction set that this processor has.
+pub(crate) fn same_at_every_level(p: &Particles, mut solve: impl FnMut(&mut Particles, Level)) {
+    let mut levels = vec![Level::baseline(), Level::new()];
+    #[cfg(target_arch = "x86_64")]
+    {
+        let level = Level::new();
+        levels.extend(level.as_sse4_2().map(Level::Sse4_2));
+        levels.extend(level.as_avx2().map(Level::Avx2));
+        levels.extend(level.as_avx512().map(Level::Avx512));
+    }
+    let mut first = None;
+    for level in levels {
+        let mut p = p.clone();
+        solve(&mut p, level);
+        let vectors = [&p.position, &p.velocity, &p.angular_velocity].into_iter().flatten().flat_map(|v| v.to_array());
+        let bits: Vec<u32> = vectors.chain(p.rotation.iter().flat_map(|q| q.to_array())).map(f32::to_bits).collect();
+        assert!(*first.get_or_insert(bits.clone()) == bits, "{level:?}");
     }
 }

@@ -140,7 +140,7 @@ fn turn(ends: [u32; 2], new: &[Rows; 2], angle: &[Rows; 2], l: usize, rate: f32,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::line;
+    use crate::testing::{assert_close, blob, line, same_at_every_level, stir};
     use crate::{ParticleRest, Stiffness, quat_exp};
 
     fn solve(edges: &Edges, particles: &mut Particles, fraction: f32) {
@@ -157,6 +157,31 @@ mod tests {
         p.rotation = vec![Quat::IDENTITY, quat_exp(Vec3A::Z * 1.0)];
         solve(&edges, &mut p, 1.0);
         assert!((quat_log(p.rotation[1]) - Vec3A::Z).length() < 1e-6);
+    }
+
+    /// Eight edges side by side come out as one by one, but for rounding; with every instruction set the same bits, where that was asked for.
+    #[test]
+    fn lanes_do_what_one_edge_does() {
+        for (k, share) in [0.3, 1.0].into_iter().enumerate() {
+            for size in [0.01, 0.5, 3.0] {
+                let (mut p, pairs) = blob();
+                let mut edges = Edges::new(&p, &pairs).unwrap();
+                stir(&mut p, 7 + k as u64, size);
+                p.pin(3, true, true);
+                let share = Stiffness::Fraction(share).share(0.01);
+                let (mut lanes, mut alone) = (p.clone(), p.clone());
+                solve_torsion(&mut edges, &mut lanes, share.into(), Sweep::only(0.01));
+                alone.ready_rigid_push(share.into());
+                for e in 0..edges.pairs.len() {
+                    twist_edge(&mut edges, &mut alone, e, share.into(), Sweep::only(0.01));
+                }
+                assert_close(&lanes, &alone, 2e-5);
+                same_at_every_level(&p, |p, level| {
+                    p.ready_rigid_push(share.into());
+                    twist_in_lanes(level, &mut edges.clone(), p, share, Sweep { deterministic: true, ..Sweep::only(0.01) });
+                });
+            }
+        }
     }
 
     #[test]

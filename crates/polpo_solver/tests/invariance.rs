@@ -111,7 +111,7 @@ impl Scene {
                 "torsion"
             }
             5 => {
-                solve_calibrated_edges(&self.rods, p, DT);
+                solve_calibrated_edges(&self.rods, p, Sweep::only(DT));
                 "calibrated edges"
             }
             6 => {
@@ -164,7 +164,7 @@ impl Scene {
             match_shapes(&mut self.groups, p, share.into(), Turning::AllMembers, sweep);
             solve_distances(&mut self.edges, p, share.into(), share.into(), sweep);
             solve_torsion(&mut self.edges, p, share.into(), sweep);
-            solve_calibrated_edges(&self.rods, p, DT);
+            solve_calibrated_edges(&self.rods, p, Sweep::only(DT));
             match_explicit_groups(&mut self.explicit, p, sweep);
         }
         restore_angular_momentum(p, angular, DT);

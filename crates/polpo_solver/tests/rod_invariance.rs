@@ -6,8 +6,8 @@ mod common;
 use common::{Random, cases, cloud, pairs, stir};
 use glam::{Mat3A, Quat, Vec3A};
 use polpo_solver::{
-    CalibratedEdges, DirectEdges, Edges, Facet, Material, ParticleRest, Particles, RestPose, Rings, Section, integrate, predict, quat_exp,
-    quat_log, solve_calibrated_edges, solve_rings,
+    CalibratedEdges, DirectEdges, Edges, Facet, Material, ParticleRest, Particles, RestPose, Rings, Section, Sweep, integrate, predict,
+    quat_exp, quat_log, solve_calibrated_edges, solve_rings,
 };
 use proptest::prelude::*;
 
@@ -65,8 +65,8 @@ impl Scene {
     fn act(&mut self, which: usize) -> &'static str {
         let p = &mut self.p;
         match which {
-            0 => solve_calibrated_edges(&self.bars, p, DT),
-            1 => solve_calibrated_edges(&self.cells, p, DT),
+            0 => solve_calibrated_edges(&self.bars, p, Sweep::only(DT)),
+            1 => solve_calibrated_edges(&self.cells, p, Sweep::only(DT)),
             2 => solve_rings(&self.rings, p, DT),
             3 => drop(self.direct_bars.solve(&self.bars, p, DT)),
             _ => drop(self.direct_cells.solve(&self.cells, p, DT)),

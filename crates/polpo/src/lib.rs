@@ -47,6 +47,7 @@ mod particles;
 mod pins;
 mod plasticity;
 mod predict;
+mod prototypes;
 mod recall;
 mod rest_pose;
 mod rider;

@@ -3,6 +3,7 @@
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 
+use crate::prototypes::Prototypes;
 use crate::{DistanceConstraints, ExplicitState, Frozen, Rods, Sleeping, SoftBody, Torsion, rods};
 
 /// All particles of a body, as a structure of arrays. Made from the rig when a [`SoftBody`] is inserted.
@@ -41,6 +42,7 @@ pub(crate) fn remember_step_start(mut bodies: Query<(&Particles, &Transform, &mu
 /// Bodies whose components need edges get them; bodies that no longer need them lose them.
 pub(crate) fn build_edges(
     mut commands: Commands,
+    mut prototypes: ResMut<Prototypes>,
     lacking: Query<
         (Entity, &SoftBody, &Particles, Option<&ExplicitState>, Option<&Rods>),
         (Or<(With<DistanceConstraints>, With<Torsion>)>, Without<Edges>, Without<Frozen>),
@@ -48,13 +50,20 @@ pub(crate) fn build_edges(
     idle: Query<Entity, (With<Edges>, Without<DistanceConstraints>, Without<Torsion>)>,
 ) {
     for (entity, body, particles, explicit, rods) in &lacking {
-        let (pairs, input) = rods::edges_beside(&body.rig, rods);
-        match polpo_solver::Edges::new(particles, &pairs) {
-            Ok(mut edges) => {
+        let edges = if explicit.is_none() && rods.is_none() {
+            prototypes.edges(&body.rig, particles)
+        } else {
+            let (pairs, input) = rods::edges_beside(&body.rig, rods);
+            polpo_solver::Edges::new(particles, &pairs).map(|mut edges| {
                 edges.input.iter_mut().for_each(|e| *e = input[*e as usize]);
                 if let Some(explicit) = explicit {
                     edges.rest_where_held(explicit);
                 }
+                edges
+            })
+        };
+        match edges {
+            Ok(edges) => {
                 commands.entity(entity).try_insert(Edges(edges));
             }
             // The rig was validated when the body was built, so this is not reached; if it were, the body does without.

@@ -138,6 +138,7 @@ impl Plugin for PolpoPlugin {
         app.init_resource::<SolverSettings>()
             .init_resource::<SubstepTime>()
             .init_resource::<crate::BodyPairs>()
+            .init_resource::<crate::prototypes::Prototypes>()
             .init_resource::<crate::Gravity>()
             .init_resource::<crate::Wind>()
             .add_observer(bodies::build_body)

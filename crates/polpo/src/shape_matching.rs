@@ -5,6 +5,7 @@ use bevy::prelude::*;
 use polpo_solver::{Stiffness, Turning};
 
 use crate::particles::{Awake, for_each_body};
+use crate::prototypes::Prototypes;
 use crate::stiffness::shares_of;
 use crate::{ExplicitState, Frozen, ParticleStiffness, Particles, Rods, SoftBody, SubstepTime, rods};
 
@@ -38,6 +39,7 @@ pub struct ImplicitGroups(pub polpo_solver::ImplicitGroups);
 /// In phase `Prepare`: bodies with [`ShapeMatching`] get their groups, bodies without lose them.
 pub(crate) fn build_groups(
     mut commands: Commands,
+    mut prototypes: ResMut<Prototypes>,
     lacking: Query<
         (Entity, &SoftBody, &Particles, Option<&ExplicitState>, Option<&Rods>),
         (With<ShapeMatching>, Without<ImplicitGroups>, Without<Frozen>),
@@ -46,11 +48,16 @@ pub(crate) fn build_groups(
 ) {
     let none = polpo_solver::ExplicitGroups::default();
     for (entity, body, particles, explicit, rods) in &lacking {
-        let (pairs, _) = rods::edges_beside(&body.rig, rods);
-        match polpo_solver::Edges::new(particles, &pairs) {
-            Ok(edges) => {
-                let explicit = explicit.map_or(&none, |e| &e.0);
-                commands.entity(entity).try_insert(ImplicitGroups(polpo_solver::ImplicitGroups::beside(particles, &edges, explicit)));
+        let groups = if explicit.is_none() && rods.is_none() {
+            prototypes.groups(&body.rig, particles)
+        } else {
+            let (pairs, _) = rods::edges_beside(&body.rig, rods);
+            let explicit = explicit.map_or(&none, |e| &e.0);
+            polpo_solver::Edges::new(particles, &pairs).map(|edges| polpo_solver::ImplicitGroups::beside(particles, &edges, explicit))
+        };
+        match groups {
+            Ok(groups) => {
+                commands.entity(entity).try_insert(ImplicitGroups(groups));
             }
             // The rig was validated when the body was built, so this is not reached; if it were, the body does without.
             Err(error) => {

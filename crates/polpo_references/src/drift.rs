@@ -56,7 +56,7 @@ fn rods() -> Vec<Reference> {
         CalibratedEdges::rods(&mut body.particles, &body.edges, &material, &Section::square(0.05), Some(0.12), &[])
             .expect("a real material"),
     );
-    fly("rod", body, 16, [2e-6, 2e-5, 1e-7])
+    fly("rod", body, 16, [4e-6, 2e-5, 1e-7])
 }
 
 fn links() -> Vec<Reference> {

@@ -1,6 +1,7 @@
 //! Groups eight at a time, laid out as the vector kernel reads them.
 
 use core::ops::Range;
+use std::sync::Arc;
 
 use glam::{Mat3A, Vec3A};
 
@@ -91,12 +92,22 @@ impl Batches {
         self.starts.windows(2).map(|s| (s[1] - s[0]) as usize).max().unwrap_or(0)
     }
 
-    /// Takes over the rest places of all members, which are stored row after row.
-    pub(crate) fn rest(&mut self, rows: &[u32], rest: &[Vec3A]) {
-        for b in 0..self.len() {
-            for (l, g) in self.groups(b).enumerate() {
+    /// Takes over the rest places of all members, which are stored row after row, if they are not those that it has.
+    pub(crate) fn rest(shared: &mut Arc<Self>, rows: &[u32], rest: &[Vec3A]) {
+        let known = |b: usize, l: usize, g: usize| {
+            rest[rows[g] as usize..rows[g + 1] as usize].iter().enumerate().all(|(k, r)| {
+                let slot = &shared.slots[shared.starts[b] as usize + k];
+                slot.rest.iter().zip(r.to_array()).all(|(has, r)| has[l] == r)
+            })
+        };
+        if (0..shared.len()).all(|b| shared.groups(b).enumerate().all(|(l, g)| known(b, l, g))) {
+            return;
+        }
+        let this = Arc::make_mut(shared);
+        for b in 0..this.len() {
+            for (l, g) in this.groups(b).enumerate() {
                 for (k, r) in rest[rows[g] as usize..rows[g + 1] as usize].iter().enumerate() {
-                    let slot = &mut self.slots[self.starts[b] as usize + k];
+                    let slot = &mut this.slots[this.starts[b] as usize + k];
                     for (to, r) in slot.rest.iter_mut().zip(r.to_array()) {
                         to[l] = r;
                     }
@@ -106,16 +117,17 @@ impl Batches {
     }
 
     /// Takes over the particles' masses, if they are not those that it has.
-    pub(crate) fn masses(&mut self, rows: &[u32], mass: &[f32]) {
-        if self.mass == mass {
+    pub(crate) fn masses(shared: &mut Arc<Self>, rows: &[u32], mass: &[f32]) {
+        if shared.mass == mass {
             return;
         }
-        self.mass.clear();
-        self.mass.extend_from_slice(mass);
-        for b in 0..self.len() {
-            for (l, g) in self.groups(b).enumerate() {
+        let this = Arc::make_mut(shared);
+        this.mass.clear();
+        this.mass.extend_from_slice(mass);
+        for b in 0..this.len() {
+            for (l, g) in this.groups(b).enumerate() {
                 for k in 0..(rows[g + 1] - rows[g]) as usize {
-                    let slot = &mut self.slots[self.starts[b] as usize + k];
+                    let slot = &mut this.slots[this.starts[b] as usize + k];
                     slot.mass[l] = mass[slot.particle[l] as usize];
                 }
             }

@@ -144,7 +144,7 @@ impl ExplicitGroups {
     pub fn new(particles: &Particles, groups: &[ExplicitGroup]) -> Result<Self, GroupError> {
         let n = particles.len();
         let mut this = Self { membership: vec![Membership::default(); n], ..Self::default() };
-        this.shape.rows.push(0);
+        let (mut rows, mut members) = (vec![0], Vec::new());
         let mut last: Vec<usize> = vec![usize::MAX; n];
         for (g, group) in groups.iter().enumerate() {
             if group.members.is_empty() {
@@ -168,8 +168,8 @@ impl ExplicitGroups {
             if let Some(motor) = group.motor {
                 motor.check(g, groups.len())?;
             }
-            this.shape.members.extend_from_slice(&group.members);
-            this.shape.rows.push(this.shape.members.len() as u32);
+            members.extend_from_slice(&group.members);
+            rows.push(members.len() as u32);
             this.shape.rotation.push(particles.rotation[group.members[0] as usize]);
             this.shape.keys.push(g as u32);
             this.stiffness.push(group.stiffness);
@@ -177,6 +177,7 @@ impl ExplicitGroups {
             this.motor.push(group.motor);
             this.scale.push(group.scale);
         }
+        (this.shape.rows, this.shape.members) = (rows.into(), members.into());
         this.open = vec![0.0; groups.len()];
         this.bodies = vec![RigidBody::default(); groups.len()];
         this.held = vec![Held::default(); this.shape.members.len()];

@@ -19,14 +19,12 @@ use glam::{Mat3A, Quat};
 use crate::batches::Slot;
 use crate::lanes::{LANES, Lane, Lanes, Mat3x8, Quatx8, Rows, SMALL, Vec3x8, bits};
 use crate::particles::Moving;
-use crate::rotation::DEFINITE;
+use crate::rotation::{DEFINITE, TOLERANCE};
 use crate::shape_matching::{small_log, turned};
 use crate::{Particles, extract_rotation};
 
 /// After so many of Newton's steps a lane is left to the scalar search.
 const STEPS: usize = 5;
-/// Below this length of the last step \[rad\] the answer is taken: the next one would be shorter than its square.
-const TOLERANCE: f32 = 1e-3;
 
 /// Scratch for one slot.
 #[derive(Clone, Debug, Default, PartialEq)]

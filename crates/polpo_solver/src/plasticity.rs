@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3, Mat3A, Quat, Vec3A};
 
+use crate::batches::Batches;
 use crate::{Edges, ExplicitGroups, ImplicitGroups, Particles, RestPose, extract_rotation};
 
 /// How rest shapes give way.
@@ -71,7 +72,7 @@ pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, pose: &R
         }
     }
     if flowed {
-        batches.rest(rows, rest);
+        Batches::rest(batches, rows, rest);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use glam::{Quat, Vec3A};
 
+use crate::batches::Batches;
 use crate::calibrated_edges::MadeEdge;
 use crate::{CalibratedEdges, Edges, ImplicitGroups, Particles, Rings};
 
@@ -112,7 +113,7 @@ impl ImplicitGroups {
                 }
             }
         }
-        self.batches.rest(&self.rows, &self.rest);
+        Batches::rest(&mut self.batches, &self.rows, &self.rest);
     }
 }
 

@@ -3,7 +3,7 @@
 use glam::{Mat3A, Quat, Vec3A};
 
 /// Below this length of the last step \[rad\] the answer is taken: the next one would be shorter than its square.
-const TOLERANCE: f32 = 3e-4;
+pub(crate) const TOLERANCE: f32 = 3e-4;
 /// A Hessian of a matrix of unit norm, whose trace is at most 2·√3, with a determinant below this has an eigenvalue too close to zero for single precision.
 pub(crate) const DEFINITE: f32 = 1e-5;
 /// No step turns by more than about this \[rad\]: far from the optimum the quadratic model is not to be trusted.

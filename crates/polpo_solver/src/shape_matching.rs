@@ -3,6 +3,7 @@
 use fearless_simd::{Level, Simd, dispatch};
 use glam::{Mat3A, Quat, Vec3A};
 
+use crate::batches::Batches;
 use crate::lanes::{LANES, Lanes};
 use crate::match_batch::{BatchShare, match_batch};
 use crate::momentum::{point_inertia, solve_inertia};
@@ -63,7 +64,7 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
 
 /// Matches all groups batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
 fn match_in_lanes(level: Level, groups: &mut ImplicitGroups, particles: &mut Particles, shares: Shares, sweep: Sweep) {
-    groups.batches.masses(&groups.rows, &particles.mass);
+    Batches::masses(&mut groups.batches, &groups.rows, &particles.mass);
     if sweep.deterministic {
         dispatch!(level, simd => match_batches(Lanes::<_, false>(simd), groups, particles, shares, sweep));
     } else {

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::Quat;
 
-use crate::coloring::{batch_rows, rank};
+use crate::coloring::{color_rows, cut, rank};
 use crate::lanes::LANES;
 use crate::{ExplicitGroups, Particles};
 
@@ -41,7 +41,7 @@ pub enum EdgeError {
     },
 }
 
-/// Edges in batches of up to eight that share no particle, which are solved side by side; what goes into a batch goes by where they are at rest.
+/// Edges sorted by colour, and by where they are at rest; those of one colour share no particle and are solved side by side, in batches of up to eight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edges {
     /// Ends of each edge.
@@ -96,7 +96,8 @@ impl Edges {
             let [a, b] = pairs[e as usize].map(|i| rank[i as usize]);
             (a.min(b), a.max(b))
         });
-        let (order, batches) = batch_rows(count, LANES, input.iter().map(|&e| pairs[e as usize].as_slice()));
+        let (order, colors) = color_rows(count, input.iter().map(|&e| pairs[e as usize].as_slice()));
+        let batches = cut(&colors, LANES);
         let order: Vec<u32> = order.iter().map(|&k| input[k as usize]).collect();
         let pairs: Vec<[u32; 2]> = order.iter().map(|&e| pairs[e as usize]).collect();
         let rest_length =

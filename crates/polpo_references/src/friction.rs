@@ -141,5 +141,5 @@ fn least_friction() -> Vec<Reference> {
         let (a, b) = (slip(0.06, rate), slip(0.08, rate));
         Reference::new("ball on 20°: least μ for rolling", exact, 0.08 + 0.02 * b / (a - b)).after("method §7").at(format!("{rate} Hz"))
     };
-    vec![line(240.0).within(3e-6, ROUNDING), line(3840.0).within(2e-5, ROUNDING), line(15360.0).within(2.5e-4, ROUNDING)]
+    vec![line(240.0).within(3e-6, ROUNDING), line(3840.0).within(4e-5, ROUNDING), line(15360.0).within(2.5e-4, ROUNDING)]
 }

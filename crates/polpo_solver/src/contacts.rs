@@ -26,7 +26,7 @@ pub struct Contact {
 /// The contacts of one body, found once a step. Cleared and refilled, so that a warmed-up step allocates nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contacts {
-    /// In the order in which they are solved.
+    /// In the order in which they are solved. The planes of one particle stand side by side: where they do not, each is solved as if it were the only one.
     pub list: Vec<Contact>,
 }
 

@@ -86,6 +86,18 @@ impl<S: Simd, const FUSED: bool> Lanes<S, FUSED> {
         if FUSED { (-a).mul_add(b, c) } else { c - a * b }
     }
 
+    /// The smaller of the two; b if either is not a number.
+    #[inline(always)]
+    pub(crate) fn min(self, a: f32x8<S>, b: f32x8<S>) -> f32x8<S> {
+        a.simd_lt(b).select(a, b)
+    }
+
+    /// The larger of the two; b if either is not a number.
+    #[inline(always)]
+    pub(crate) fn max(self, a: f32x8<S>, b: f32x8<S>) -> f32x8<S> {
+        a.simd_gt(b).select(a, b)
+    }
+
     /// v·k + c
     #[inline(always)]
     pub(crate) fn scale_add(self, v: Vec3x8<S>, k: f32x8<S>, c: Vec3x8<S>) -> Vec3x8<S> {
@@ -240,6 +252,20 @@ impl<S: Simd> Vec3x8<S> {
         self.x.store_array(x);
         self.y.store_array(y);
         self.z.store_array(z);
+    }
+
+    /// This where `mask` says so, `other` elsewhere.
+    #[inline(always)]
+    pub(crate) fn or(self, mask: mask32x8<S>, other: Self) -> Self {
+        Self { x: mask.select(self.x, other.x), y: mask.select(self.y, other.y), z: mask.select(self.z, other.z) }
+    }
+
+    /// The largest of the three's absolute values.
+    #[inline(always)]
+    pub(crate) fn largest(self) -> f32x8<S> {
+        let (x, y, z) = (self.x.abs(), self.y.abs(), self.z.abs());
+        let xy = x.simd_gt(y).select(x, y);
+        xy.simd_gt(z).select(xy, z)
     }
 
     /// Where `mask` says so, zero elsewhere.

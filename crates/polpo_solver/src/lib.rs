@@ -27,6 +27,7 @@ mod broad_phase;
 mod calibrated_edges;
 mod check;
 mod coloring;
+mod contact_lanes;
 mod contacts;
 mod damping;
 mod direct_edges;

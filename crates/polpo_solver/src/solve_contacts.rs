@@ -1,7 +1,10 @@
 //! Stage 3: particles leave the colliders, and friction acts where they touch.
 
+use fearless_simd::Level;
 use glam::Vec3A;
 
+use crate::contact_lanes::solve_batch;
+use crate::lanes::LANES;
 use crate::{Contact, Contacts, ExplicitGroups, Particles};
 
 /// Solves every contact of the body for one substep of `dt` \[s\] and carries its plane on to the end of the substep.
@@ -38,18 +41,45 @@ fn solve_all(contacts: &mut Contacts, particles: &mut Particles, dt: f32, push_s
         }
         contact.impulse = 0.0;
     }
-    // A second pass, because what turns a particle out of one plane may turn it into another.
-    for _ in 0..2 {
-        for contact in &mut contacts.list {
+    // Twice for those that have several planes, because what turns a particle out of one may turn it into another. A particle's planes stand side by side. Those that have one do not see each other: eight at a time.
+    let (mut batch, mut count) = ([0; LANES], 0);
+    for pass in 0..2 {
+        for k in 0..contacts.list.len() {
+            let contact = &contacts.list[k];
             let i = contact.particle as usize;
-            if i < particles.len() {
-                solve(contact, particles, dt, push_speed, held(i));
+            if i >= particles.len() || is_above(contact, particles) {
+                continue;
+            }
+            let same = |k: usize| contacts.list.get(k).is_some_and(|other| other.particle == contact.particle);
+            if held(i) || same(k + 1) || (k > 0 && same(k - 1)) {
+                solve(&mut contacts.list[k], particles, dt, push_speed, held(i));
+            } else if pass == 0 {
+                batch[count] = k;
+                count += 1;
+                if count == LANES {
+                    solve_batch(Level::new(), &batch, contacts, particles, dt, push_speed);
+                    count = 0;
+                }
             }
         }
     }
+    match count {
+        0 => {}
+        // Not worth it.
+        1 => solve(&mut contacts.list[batch[0]], particles, dt, push_speed, false),
+        _ => solve_batch(Level::new(), &batch[..count], contacts, particles, dt, push_speed),
+    }
 }
 
-fn solve(contact: &mut Contact, p: &mut Particles, dt: f32, push_speed: f32, held: bool) {
+/// Whether the particle is above the plane by more than its longest half axis: further no ellipsoid reaches.
+#[inline]
+fn is_above(contact: &Contact, p: &Particles) -> bool {
+    let i = contact.particle as usize;
+    contact.normal.dot(p.position[i] - contact.point) >= p.radii[i].max_element()
+}
+
+/// Solves one contact.
+pub(crate) fn solve(contact: &mut Contact, p: &mut Particles, dt: f32, push_speed: f32, held: bool) {
     let i = contact.particle as usize;
     let n = contact.normal;
     let (h, reach) = p.ellipsoid(i).support(-n);
@@ -137,17 +167,17 @@ fn rub(p: &mut Particles, i: usize, by: Vec3A, reach: Vec3A, surface: Vec3A, hel
 }
 
 /// The velocities take a way of up to so many times that which stops them. Below 2 that gives no energy, and above 1 rounding is not taken for a way that nobody's motion made.
-const LIVELY: f32 = 1.5;
+pub(crate) const LIVELY: f32 = 1.5;
 
 /// What a way can be by rounding alone, as a share of the distance from the origin: so much always goes into the velocities, or a body at rest would creep.
-const ROUNDING: f32 = 1e-6;
+pub(crate) const ROUNDING: f32 = 1e-6;
 
 /// How often friction is asked what way is left. One step is linear: where constraints pull hard enough to turn a small particle by a tenth of a radian a substep, it would leave a way of some millionths of a
 /// metre, a substep, always to the same side: a millimetre a second.
-const FRICTION_STEPS: usize = 3;
+pub(crate) const FRICTION_STEPS: usize = 3;
 
 /// No contact turns a particle by more than this in one go \[rad\]: beyond, the linear step means nothing and only makes spin.
-const LARGEST_TURN: f32 = 0.5;
+pub(crate) const LARGEST_TURN: f32 = 0.5;
 
 #[inline]
 fn turn(p: &mut Particles, i: usize, by: Vec3A, rate: f32) {

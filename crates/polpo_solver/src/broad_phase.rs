@@ -1,6 +1,10 @@
 //! Which of many boxes meet.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
 use glam::Vec3A;
+
+use crate::lanes::{LANES, Lane, Lanes, bits};
 
 /// An axis-aligned box \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +53,19 @@ impl Bounds {
 pub struct BroadPhase {
     /// Beginnings along the axis, as integers of the same order, and indices.
     order: Vec<(i32, u32)>,
-    sorted: Vec<Bounds>,
+    /// The boxes in that order, eight to one; what makes up the last eight meets none.
+    sorted: Vec<EightBoxes>,
+}
+
+/// The least and greatest corners of eight boxes, by axes.
+#[derive(Clone, Copy, Debug)]
+struct EightBoxes {
+    min: [Lane; 3],
+    max: [Lane; 3],
+}
+
+impl EightBoxes {
+    const NOTHING: Self = Self { min: [[f32::INFINITY; LANES]; 3], max: [[f32::NEG_INFINITY; LANES]; 3] };
 }
 
 impl BroadPhase {
@@ -60,17 +76,48 @@ impl BroadPhase {
         self.order.extend((0u32..).zip(boxes).filter(|(_, b)| b.is_finite()).map(|(i, b)| (ordered(b.min[axis]), i)));
         self.order.sort_unstable();
         self.sorted.clear();
-        self.sorted.extend(self.order.iter().map(|&(_, i)| boxes[i as usize]));
-        for (k, first) in self.sorted.iter().enumerate() {
-            let (i, end) = (self.order[k].1, first.max[axis]);
-            for (other, &(_, j)) in self.sorted[k + 1..].iter().zip(&self.order[k + 1..]) {
-                if other.min[axis] > end {
-                    break;
-                }
-                if first.meets(other) && !meet(i.min(j), i.max(j)) {
+        self.sorted.resize(self.order.len().div_ceil(LANES), EightBoxes::NOTHING);
+        for (k, &(_, i)) in self.order.iter().enumerate() {
+            let (eight, l) = (&mut self.sorted[k / LANES], k % LANES);
+            for a in 0..3 {
+                (eight.min[a][l], eight.max[a][l]) = (boxes[i as usize].min[a], boxes[i as usize].max[a]);
+            }
+        }
+        let (order, sorted) = (&self.order[..], &self.sorted[..]);
+        dispatch!(Level::new(), simd => sweep(Lanes::<_, false>(simd), order, sorted, boxes, axis, &mut meet));
+    }
+}
+
+/// Compares each box with those that begin after it and before it ends.
+#[inline(always)]
+fn sweep<S: Simd>(
+    lanes: Lanes<S, false>,
+    order: &[(i32, u32)],
+    sorted: &[EightBoxes],
+    boxes: &[Bounds],
+    axis: usize,
+    meet: &mut impl FnMut(u32, u32) -> bool,
+) {
+    for (k, &(_, i)) in order.iter().enumerate() {
+        let Bounds { min, max } = boxes[i as usize];
+        let (min, max) = ([min.x, min.y, min.z], [max.x, max.y, max.z]);
+        let end = max[axis];
+        // The first eight hold the box itself, and some before it.
+        let mut after = !(u8::MAX >> (LANES - 1 - k % LANES));
+        for (block, other) in sorted.iter().enumerate().skip(k / LANES) {
+            if other.min[axis][0] > end && block > k / LANES {
+                break;
+            }
+            let begins = |a: usize| lanes.load(&other.min[a]).simd_le(lanes.splat(max[a]));
+            let ends = |a: usize| lanes.load(&other.max[a]).simd_ge(lanes.splat(min[a]));
+            let meets = begins(0) & begins(1) & begins(2) & ends(0) & ends(1) & ends(2);
+            for l in bits(after & meets.to_bitmask() as u8) {
+                let j = order[block * LANES + l].1;
+                if !meet(i.min(j), i.max(j)) {
                     return;
                 }
             }
+            after = u8::MAX;
         }
     }
 }

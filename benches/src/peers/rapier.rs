@@ -85,7 +85,7 @@ impl Model {
     /// The softness at which one of it, lying on the floor, is as high as `wanted`, as nearly as any that comes to rest.
     pub(crate) fn soften(&self, wanted: Shape) -> Softness {
         /// \[Hz\]
-        const FREQUENCIES: [f32; 8] = [5.0, 7.0, 10.0, 14.0, 20.0, 28.0, 40.0, 56.0];
+        const FREQUENCIES: [f32; 11] = [5.0, 6.0, 7.0, 8.5, 10.0, 12.0, 14.0, 17.0, 20.0, 28.0, 40.0];
         const DAMPING: [f32; 2] = [1.0, 0.3];
         /// A body that is faster than this after two seconds does not rest \[m/s\].
         const RESTLESS: f32 = 0.5;

@@ -15,7 +15,9 @@ use crate::crowd::Crowd;
 use crate::kernels::Bare;
 use crate::measure::{Times, in_turns};
 use crate::ours::{Ours, STEP};
-use crate::rapier::{Kind, Model, Skin, Theirs};
+use crate::rapier::Kind::{self, Clusters, Jelly, Springs};
+use crate::rapier::Skin::{self, Thin, Usual};
+use crate::rapier::{Model, Theirs};
 use crate::scene::Scene;
 use crate::shape::{Shape, extent};
 use crate::table::Line;
@@ -88,8 +90,6 @@ impl Measured {
     }
 }
 
-use Kind::{Clusters, Jelly, Springs};
-use Skin::{Thin, Usual};
 use Wanted::{AtLeast, AtMost};
 
 pub(crate) const ROWS: [Row; 25] = [

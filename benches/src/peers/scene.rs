@@ -70,7 +70,7 @@ impl Scene {
     }
 }
 
-/// Wide enough for any scene, its top at y = 0.
+/// Wide enough for any scene, its top at y = 0. Much wider, and its floats are so coarse that nothing on it comes to rest.
 pub(crate) fn floor() -> Block {
-    Block { center: Vec3::NEG_Y * 0.5, half_extents: Vec3::new(1000.0, 0.5, 1000.0) }
+    Block { center: Vec3::NEG_Y * 0.5, half_extents: Vec3::new(100.0, 0.5, 100.0) }
 }

@@ -10,9 +10,9 @@ use polpo::{
     ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, Inflation, Material, Plasticity, RestPose, RodShape, RodSolve, Rods, Section,
     Stillness,
 };
-use polpo_rapier::{PushRigidBodies, RapierWorld, TouchedColliders};
+use polpo_benches::octopus;
+use polpo_rapier::{PolpoRapierPlugin, PushRigidBodies, RapierWorld, TouchedColliders};
 use polpo_rig::Rig;
-use polpo_scenes::{SimulationPlugins, octopus_asset};
 use rapier3d::prelude::ColliderBuilder;
 
 /// How many octopuses share a row's time: with several, what a step costs without any is lost in what they cost.
@@ -23,14 +23,12 @@ type Change = fn(&mut EntityWorldMut, &Rig);
 /// Octopuses on a floor, two metres apart, that do not sleep, changed by `change`, after two seconds.
 fn lying(change: Change) -> App {
     let mut app = App::new();
-    app.add_plugins((MinimalPlugins, SimulationPlugins)).insert_resource(TimeUpdateStrategy::FixedTimesteps(1)).insert_resource(Time::<
-        Fixed,
-    >::from_hz(
-        60.0
-    ));
+    app.add_plugins((MinimalPlugins, PolpoPlugin::default(), PolpoRapierPlugin::default()))
+        .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
+        .insert_resource(Time::<Fixed>::from_hz(60.0));
     app.finish();
     app.world_mut().resource_mut::<RapierWorld>().insert_fixed(ColliderBuilder::cuboid(100.0, 0.5, 100.0));
-    let (_, rig) = octopus_asset();
+    let (_, rig) = octopus();
     for i in 0..COUNT {
         let mut body = app.world_mut().spawn((SoftBody::new(rig.clone()), Transform::from_xyz(2.0 * i as f32, 1.1, 0.0)));
         body.remove::<Sleep>();

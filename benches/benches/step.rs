@@ -6,21 +6,19 @@ use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use polpo::prelude::*;
-use polpo_rapier::RapierWorld;
-use polpo_scenes::{SimulationPlugins, octopus_asset};
+use polpo_benches::octopus;
+use polpo_rapier::{PolpoRapierPlugin, RapierWorld};
 use rapier3d::prelude::ColliderBuilder;
 
 /// `count` octopuses at rest on a floor, two metres apart.
 fn resting(count: usize) -> App {
     let mut app = App::new();
-    app.add_plugins((MinimalPlugins, SimulationPlugins)).insert_resource(TimeUpdateStrategy::FixedTimesteps(1)).insert_resource(Time::<
-        Fixed,
-    >::from_hz(
-        60.0
-    ));
+    app.add_plugins((MinimalPlugins, PolpoPlugin::default(), PolpoRapierPlugin::default()))
+        .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
+        .insert_resource(Time::<Fixed>::from_hz(60.0));
     app.finish();
     app.world_mut().resource_mut::<RapierWorld>().insert_fixed(ColliderBuilder::cuboid(1000.0, 0.5, 1000.0));
-    let (_, rig) = octopus_asset();
+    let (_, rig) = octopus();
     for i in 0..count {
         let place = Transform::from_xyz(2.0 * (i % 20) as f32, 1.1, 2.0 * (i / 20) as f32);
         app.world_mut().spawn((SoftBody::new(rig.clone()), place));

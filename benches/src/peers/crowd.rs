@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use polpo::{Particles, SoftBody, state_hash};
-use polpo_scenes::octopus_asset;
+use polpo_benches::octopus;
 
 use crate::ours::Ours;
 use crate::scene::Scene;
@@ -16,7 +16,7 @@ const COUNT: usize = 333;
 
 /// A step for every line of standard input; answers with what it took \[ns\] and the hash of all bodies.
 pub(crate) fn serve(threads: usize) -> io::Result<()> {
-    let (_, rig) = octopus_asset();
+    let (_, rig) = octopus();
     let mut crowd = Ours::with_threads(threads, &rig, &Scene::apart(COUNT), |_| {}).settled();
     let mut out = io::stdout().lock();
     for line in io::stdin().lock().lines() {

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use bevy::prelude::*;
 use polpo::BodyPairs;
 use polpo::prelude::*;
+use polpo_benches::octopus;
 use polpo_rig::{Mesh, Rig, RigSettings, build_rig};
-use polpo_scenes::octopus_asset;
 use rapier3d_peer::prelude::SoftBodySolver;
 
 use crate::beam::{OurBeam, TheirBeam, exact_sag};
@@ -149,17 +149,17 @@ fn keeps_shape(ours: Shape, theirs: Shape) -> bool {
 }
 
 fn octopuses(count: usize, kind: Kind, skin: Skin, rounds: usize) -> Measured {
-    let (mesh, rig) = octopus_asset();
+    let (mesh, rig) = octopus();
     beside(&rig, &Model::new(&mesh, &rig, kind, skin), &Scene::apart(count), rounds)
 }
 
 fn three(scene: Scene, skin: Skin) -> Measured {
-    let (mesh, rig) = octopus_asset();
+    let (mesh, rig) = octopus();
     beside(&rig, &Model::new(&mesh, &rig, Jelly, skin), &scene, 100)
 }
 
 fn fine_octopus(skin: Skin) -> Measured {
-    let (mesh, _) = octopus_asset();
+    let (mesh, _) = octopus();
     let rig = Arc::new(fine_rig(&mesh));
     beside(&rig, &Model::new(&mesh, &rig, Jelly, skin), &Scene::apart(1), 100)
 }
@@ -170,7 +170,7 @@ fn fine_rig(mesh: &Mesh) -> Rig {
 }
 
 fn together_and_apart(together: Scene, apart: Scene) -> Measured {
-    let (_, rig) = octopus_asset();
+    let (_, rig) = octopus();
     let [mut together, mut apart] = [together, apart].map(|scene| Ours::new(&rig, &scene, unchanged).settled());
     let times = in_turns(300, || together.step(), || apart.step());
     let touching = |ours: &Ours| ours.app.world().resource::<BodyPairs>().iter().filter(|pair| pair.touch()).count();
@@ -191,7 +191,7 @@ fn beams(solver: SoftBodySolver) -> Measured {
 /// What self-contact adds to the step of octopuses: while they fall at 20 m/s, and while they lie.
 fn self_contact() -> Measured {
     const COUNT: usize = 4;
-    let (_, rig) = octopus_asset();
+    let (_, rig) = octopus();
     let fall = |body: &mut EntityWorldMut| {
         let velocity = InitialVelocity { linear: Vec3::NEG_Y * 20.0, ..default() };
         body.insert((velocity, GravityScale(0.0), SoftBody::new(rig.clone())));
@@ -230,7 +230,7 @@ fn asleep() -> Measured {
     const COUNT: usize = 100;
     /// Half a minute.
     const PATIENCE: usize = 1800;
-    let (_, rig) = octopus_asset();
+    let (_, rig) = octopus();
     let mut asleep = Ours::new(&rig, &Scene::apart(COUNT), |body| {
         body.insert(Sleep::default());
     });
@@ -247,7 +247,7 @@ fn asleep() -> Measured {
 }
 
 fn kernels(bare: fn(&Ours) -> Bare) -> Measured {
-    let (_, rig) = octopus_asset();
+    let (_, rig) = octopus();
     let mut ours = Ours::new(&rig, &Scene::apart(1), unchanged).settled();
     let mut bare = bare(&ours);
     let times = in_turns(1000, || ours.step(), || bare.step());

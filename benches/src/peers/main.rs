@@ -8,12 +8,13 @@ mod kernels;
 mod measure;
 mod ours;
 mod rapier;
+mod report;
 mod rows;
 mod scene;
 mod shape;
 mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -24,6 +25,9 @@ struct Arguments {
     /// Write the rows as JSON to FILE.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write the rows as a page of Markdown to FILE.
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
     /// Only rows whose name contains SUBSTRING.
     #[arg(long, value_name = "SUBSTRING")]
     only: Option<String>,
@@ -51,7 +55,10 @@ fn main() -> ExitCode {
         table::print_row(&result);
         results.push(result);
     }
-    finish(arguments.json.map_or(Ok(()), |path| table::write_json(&path, &results).map_err(|e| format!("{}: {e}", path.display()))))
+    let written = |path: &Path, done: std::io::Result<()>| done.map_err(|e| format!("{}: {e}", path.display()));
+    let json = arguments.json.map_or(Ok(()), |path| written(&path, table::write_json(&path, &results)));
+    let markdown = arguments.markdown.map_or(Ok(()), |path| written(&path, report::write_markdown(&path, &results)));
+    finish(json.and(markdown))
 }
 
 fn finish(done: Result<(), String>) -> ExitCode {

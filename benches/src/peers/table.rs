@@ -45,6 +45,15 @@ impl Line {
     }
 }
 
+impl Line {
+    /// As a row of a table in Markdown.
+    pub(crate) fn markdown(&self) -> String {
+        let Self { name, ours_us, theirs_us, ratio_best, ratio_median, quality, pass, wanted, .. } = self;
+        let reached = if *pass { "yes" } else { "no" };
+        format!("| {name} | {ours_us:.0} | {theirs_us:.0} | {ratio_best:.3} | {ratio_median:.3} | {wanted} | {reached} | {quality} |")
+    }
+}
+
 pub(crate) fn print_head() {
     println!(
         "Times are of the best step and, in brackets, of the middle one [µs]. A ratio that is to be at least something is theirs/ours,"

@@ -271,8 +271,24 @@ fn what_comes_and_goes_leaves_no_memory() {
     assert!(late < early + early / 50, "{early} bytes became {late}");
 }
 
+/// An octopus of 300 particles, with self-contact, beside others of the same rig.
+fn a_body_takes_little_memory() {
+    let mut app = app(1);
+    asked(&mut app, 60);
+    let (before, (_, rig)) = (LIVE.load(Relaxed), octopus_asset());
+    for k in 0..10 {
+        app.world_mut().spawn((SoftBody::new(rig.clone()), SelfContact::default(), Transform::from_xyz(20.0 + 2.0 * k as f32, 1.2, 20.0)));
+    }
+    drop(rig);
+    asked(&mut app, 120);
+    let each = (LIVE.load(Relaxed) - before) / 10;
+    println!("memory: {} KiB a body", each / 1024);
+    assert!(each > 50 * 1024 && each < 200 * 1024, "{each} bytes a body");
+}
+
 #[test]
 fn steps_take_no_memory() {
+    a_body_takes_little_memory();
     a_warmed_up_step_takes_no_memory();
     what_comes_and_goes_leaves_no_memory();
 }

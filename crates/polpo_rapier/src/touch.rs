@@ -5,7 +5,7 @@
 //! support. So the right plane is that of the mapped shape's place nearest to the origin, which is the one whose *nearness* (n·(c − p))/h(n) is largest. Nearness 1 is touch; below is overlap.
 
 use polpo_solver::Ellipsoid;
-use rapier3d::geometry::{Shape, Triangle, TypedShape};
+use rapier3d::geometry::{Cuboid, Shape, Triangle, TypedShape};
 use rapier3d::math::Vector;
 
 use crate::nearest::{Nearest, nearest, nearest_on_triangle, visit_faces};
@@ -16,6 +16,11 @@ pub(crate) fn nearest_to_ellipsoid(ellipsoid: &Ellipsoid, center: Vector, shape:
         TypedShape::Triangle(triangle) => return on_triangle(ellipsoid, center, triangle).1,
         // A triangle that has collapsed.
         TypedShape::Segment(segment) => return on_triangle(ellipsoid, center, &Triangle::new(segment.a, segment.b, segment.b)).1,
+        TypedShape::Cuboid(cuboid) if by_center.distance > 0.0 => {
+            if let Some(plane) = on_face(ellipsoid, center, cuboid, &by_center) {
+                return plane;
+            }
+        }
         _ => {}
     }
     let mut inside = (f32::NEG_INFINITY, by_center);
@@ -42,6 +47,17 @@ pub(crate) fn nearest_to_ellipsoid(ellipsoid: &Ellipsoid, center: Vector, shape:
 
 fn support(ellipsoid: &Ellipsoid, n: Vector) -> f32 {
     ellipsoid.support(n.into()).0
+}
+
+/// The plane nearest to the centre, if it is the right one for the ellipsoid too: the mapped plane comes nearest to the origin at c − (Σn/h)·(n·(c − p))/h, and all of the box is behind the plane, so that it is if that place is the box's.
+/// That spares most particles over a floor its twelve triangles.
+fn on_face(ellipsoid: &Ellipsoid, center: Vector, cuboid: &Cuboid, by_center: &Nearest) -> Option<Nearest> {
+    let (h, reach) = ellipsoid.support(by_center.normal.into());
+    let point = center - Vector::from(reach) * (by_center.distance / h);
+    // A place is on the face but for rounding.
+    let slack = 4.0 * f32::EPSILON * (cuboid.half_extents.max_element() + center.abs().max_element());
+    let there = (point.abs() - cuboid.half_extents).max_element() <= slack;
+    there.then_some(Nearest { point, ..*by_center })
 }
 
 /// A triangle stays one under the map, so the answer is exact. Returns the nearness as well.
@@ -86,7 +102,7 @@ fn search(ellipsoid: &Ellipsoid, center: Vector, shape: &dyn Shape, first: Neare
 mod tests {
     use super::*;
     use polpo_solver::quat_exp;
-    use rapier3d::geometry::{Capsule, Cuboid, Cylinder, SharedShape, SupportMap};
+    use rapier3d::geometry::{Capsule, Cylinder, SharedShape, SupportMap};
     use rapier3d::math::Rotation;
 
     fn plane(ellipsoid: &Ellipsoid, center: Vector, shape: &dyn Shape) -> Nearest {

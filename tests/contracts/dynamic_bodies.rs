@@ -144,12 +144,12 @@ fn a_soft_cube_stays_under_a_tonne() {
                 let jammed = 0.6 / n as f32;
                 assert!((c.under - jammed).abs() < 1e-4 && c.tilt < 1e-6, "{}: at {} {}", c.case, c.under, c.tilt);
                 // It lies still to 1e-4 m/s, but for what a ball half under its rim does when it slips.
-                assert!(c.rest < 2e-3 && c.aside < 0.025, "{}: {} m/s, {} m aside", c.case, c.rest, c.aside);
+                assert!(c.rest < 5e-3 && c.aside < 0.025, "{}: {} m/s, {} m aside", c.case, c.rest, c.aside);
                 // The slab reaches out to 0.4 m: a ball may lie half under its rim, none is thrown out. While it is pressed flat at 3 m/s, particles shoot up into the slab that were out of its
                 // reach when the step's planes were found: by what slab and particle do in one step.
                 let (out, deep) = (if rate < 50.0 { 0.49 } else { 0.44 }, 4.5 / rate);
                 assert!(c.out[0] < out, "{}: out to {:?}", c.case, c.out);
-                assert!(c.deep[0] < deep && c.deep[1] < 1e-6, "{}: deep {:?}", c.case, c.deep);
+                assert!(c.deep[0] < deep && c.deep[1] < 5e-6, "{}: deep {:?}", c.case, c.deep);
             }
         }
     }

@@ -42,7 +42,7 @@ const PINNED: f32 = 1000.0;
 ///
 /// Pinned members weigh a thousandfold in c and, position and orientation apart, in A, and are not moved.
 ///
-/// Groups are solved batch after batch, each from the result of those before (Gauss–Seidel), those of a batch side by side in vector lanes where the processor has them: see [`match_batch`]. Pinned members, damping, several
+/// Groups are solved batch after batch, each from the result of those before (Gauss–Seidel), those of a batch side by side in vector lanes where the processor has them. Pinned members, damping, several
 /// sweeps and turned rest poses take the scalar path. Shares are those of the particles that the groups belong to.
 pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shares: Shares, turning: Turning, sweep: Sweep) {
     if shares.are_off() {

@@ -89,7 +89,7 @@ pub struct SolverSettings {
     /// Whether a step gives the same bits on processors of every kind. Default: only on those of one kind (the same bits each run and for every number of threads it gives in any case).
     ///
     /// Processors that can multiply and add in one instruction, which are all of x86 since 2013 and of 64-bit ARM, round such a pair once instead of twice. Set, it is done in two instructions everywhere, and shape matching
-    /// takes a fifth longer.
+    /// takes a quarter longer.
     pub deterministic: bool,
 }
 

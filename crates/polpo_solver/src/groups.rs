@@ -12,7 +12,7 @@ use crate::lanes::LANES;
 use crate::match_batch::Gathered;
 use crate::{Edges, ExplicitGroups, GroupError, Particles, RestPose};
 
-/// One group a particle: itself and its one ring, stored as compressed rows. What does not change is shared by clones: a clone costs a fifth of the memory, until its rest shapes or masses become its own. Groups stand in batches of up to eight that share no particle, which are solved side by side; what goes into a batch goes by the groups' length and
+/// One group a particle: itself and its one ring, stored as compressed rows. What does not change is shared by clones, until rest shapes or masses become a clone's own. Groups stand in batches of up to eight that share no particle, which are solved side by side; what goes into a batch goes by the groups' length and
 /// by where they are at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImplicitGroups {

@@ -1,11 +1,11 @@
 //! Calibrated edges: stretch, shear, bend and twist from a material, without tuning.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f32x8};
+use fearless_simd::{Level, f32x8};
 use glam::{Mat3A, Quat, Vec3A};
 
 use crate::edge_strain::BENT;
-use crate::lanes::{LANES, Lanes, Quatx8, Rows, SMALL, Vec3x8, bits};
+use crate::lanes::{LANES, Lanes, Quatx8, Rows, SMALL, Vec3x8, bits, ends, in_lanes};
 use crate::particles::Moving;
 use crate::{Particles, Sweep};
 
@@ -208,11 +208,7 @@ fn over(a: Vec3A, b: Vec3A) -> Vec3A {
 
 /// Solves all edges batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
 fn strain_in_lanes(level: Level, edges: &CalibratedEdges, particles: &mut Particles, sweep: Sweep) {
-    if sweep.deterministic {
-        dispatch!(level, simd => strain_batches(Lanes::<_, false>(simd), edges, particles, sweep.dt));
-    } else {
-        dispatch!(level, simd => strain_batches(Lanes::<_, true>(simd), edges, particles, sweep.dt));
-    }
+    in_lanes!(level, sweep.deterministic, lanes => strain_batches(lanes, edges, particles, sweep.dt));
 }
 
 #[inline(always)]
@@ -221,11 +217,10 @@ fn strain_batches<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, edges: &Ca
     let rate2 = lanes.splat(rate * rate);
     let (zero, half, one) = (lanes.splat(0.0), lanes.splat(0.5), lanes.splat(1.0));
     let mut rows = [Rows::default(); 6];
-    for ends in edges.batches.windows(2) {
-        let batch = ends[0] as usize..ends[1] as usize;
+    for starts in edges.batches.windows(2) {
+        let batch = starts[0] as usize..starts[1] as usize;
         let pairs = &edges.pairs[batch.clone()];
-        let end = |k: usize| core::array::from_fn(|l| pairs.get(l).unwrap_or(&pairs[0])[k]);
-        let [i, j]: [[u32; LANES]; 2] = [end(0), end(1)];
+        let [i, j] = ends(pairs);
         let (wi, wj) = (lanes.gather_numbers(&p.inverse_mass, &i), lanes.gather_numbers(&p.inverse_mass, &j));
         let (ui, uj) = (lanes.gather_numbers(&p.inverse_inertia, &i), lanes.gather_numbers(&p.inverse_inertia, &j));
         let (qi, qj) = (lanes.gather_quats(&p.rotation, &i), lanes.gather_quats(&p.rotation, &j));

@@ -1,9 +1,9 @@
 //! Distance constraints: edges keep their length.
 
+use fearless_simd::Level;
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch};
 
-use crate::lanes::{LANES, Lanes, Rows, bits, filled};
+use crate::lanes::{LANES, Lanes, Rows, bits, filled, in_lanes};
 use crate::{Edges, Particles, Share, Shares, Sweep};
 
 /// Moves the ends of every edge towards its rest length, by the share of `tension` if it is too long and of `compression` if it is too short.
@@ -80,11 +80,7 @@ fn stretch_edge(edges: &mut Edges, particles: &mut Particles, e: usize, tension:
 
 /// Solves all edges batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
 fn stretch_in_lanes(level: Level, edges: &Edges, particles: &mut Particles, shares: [Share; 2], sweep: Sweep) {
-    if sweep.deterministic {
-        dispatch!(level, simd => stretch_batches(Lanes::<_, false>(simd), edges, particles, shares, sweep));
-    } else {
-        dispatch!(level, simd => stretch_batches(Lanes::<_, true>(simd), edges, particles, shares, sweep));
-    }
+    in_lanes!(level, sweep.deterministic, lanes => stretch_batches(lanes, edges, particles, shares, sweep));
 }
 
 #[inline(always)]
@@ -125,15 +121,8 @@ fn stretch_batches<S: Simd, const FUSED: bool>(lanes: Lanes<S, FUSED>, edges: &E
         }
         if rigid {
             let stretched = stretched.to_bitmask() as u8;
-            for l in bits(
-                live & if t.is_rigid() && c.is_rigid() {
-                    live
-                } else if t.is_rigid() {
-                    stretched
-                } else {
-                    !stretched
-                },
-            ) {
+            let of = |share: Share, lanes: u8| if share.is_rigid() { lanes } else { 0 };
+            for l in bits(live & (of(t, stretched) | of(c, !stretched))) {
                 for (k, i) in [i[l] as usize, j[l] as usize].into_iter().enumerate() {
                     p.rigid_push[i][0] += ways[k].vector(l) * rate;
                 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::Quat;
 
 use crate::coloring::{color_rows, cut, rank};
-use crate::lanes::LANES;
+use crate::lanes::{LANES, ends};
 use crate::{ExplicitGroups, Particles};
 
 /// What is wrong with an edge.
@@ -109,9 +109,8 @@ impl Edges {
     #[inline(always)]
     pub(crate) fn batch(&self, b: usize) -> (Range<usize>, [[u32; LANES]; 2]) {
         let batch = self.batches[b] as usize..self.batches[b + 1] as usize;
-        let pairs = &self.pairs[batch.clone()];
-        let end = |k: usize| core::array::from_fn(|l| pairs.get(l).unwrap_or(&pairs[0])[k]);
-        (batch, [end(0), end(1)])
+        let ends = ends(&self.pairs[batch.clone()]);
+        (batch, ends)
     }
 
     /// Lets the edges rest whose two ends a rigid, closed group holds, which could only quarrel with it once it is dented or inflated, and wakes the others. To be called when

@@ -362,6 +362,31 @@ impl<'a, T: Copy + Default> Eights<'a, T> {
     }
 }
 
+/// The two ends of up to eight `pairs`, in lanes; a lane without a pair repeats the first.
+#[inline(always)]
+pub(crate) fn ends(pairs: &[[u32; 2]]) -> [[u32; LANES]; 2] {
+    let end = |k: usize| core::array::from_fn(|l| pairs.get(l).unwrap_or(&pairs[0])[k]);
+    [end(0), end(1)]
+}
+
+/// Runs `$run` with `$lanes` of the instructions of `$level`, whose multiply-adds are fused unless the result has to be deterministic.
+macro_rules! in_lanes {
+    ($level:expr, $deterministic:expr, $lanes:ident => $run:expr) => {
+        if $deterministic {
+            fearless_simd::dispatch!($level, simd => {
+                let $lanes = crate::lanes::Lanes::<_, false>(simd);
+                $run
+            })
+        } else {
+            fearless_simd::dispatch!($level, simd => {
+                let $lanes = crate::lanes::Lanes::<_, true>(simd);
+                $run
+            })
+        }
+    };
+}
+pub(crate) use in_lanes;
+
 /// Which bits are set.
 #[inline(always)]
 pub(crate) fn bits(mask: u8) -> impl Iterator<Item = usize> {

@@ -1,10 +1,10 @@
 //! Shape matching: every group is drawn towards its rest shape, moved and turned to where it is now.
 
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, Simd};
 use glam::{Mat3A, Quat, Vec3A};
 
 use crate::batches::Batches;
-use crate::lanes::{LANES, Lanes};
+use crate::lanes::{LANES, Lanes, in_lanes};
 use crate::match_batch::{BatchShare, match_batch};
 use crate::momentum::{point_inertia, solve_inertia};
 use crate::{ImplicitGroups, Particles, Share, Shares, Sweep, extract_rotation, quat_exp, quat_log};
@@ -65,11 +65,7 @@ pub fn match_shapes(groups: &mut ImplicitGroups, particles: &mut Particles, shar
 /// Matches all groups batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
 fn match_in_lanes(level: Level, groups: &mut ImplicitGroups, particles: &mut Particles, shares: Shares, sweep: Sweep) {
     Batches::masses(&mut groups.batches, &groups.rows, &particles.mass);
-    if sweep.deterministic {
-        dispatch!(level, simd => match_batches(Lanes::<_, false>(simd), groups, particles, shares, sweep));
-    } else {
-        dispatch!(level, simd => match_batches(Lanes::<_, true>(simd), groups, particles, shares, sweep));
-    }
+    in_lanes!(level, sweep.deterministic, lanes => match_batches(lanes, groups, particles, shares, sweep));
 }
 
 #[inline(always)]
@@ -144,108 +140,106 @@ impl ImplicitGroups {
 /// Matches group `g` alone.
 fn match_group(groups: &mut ImplicitGroups, particles: &mut Particles, g: usize, share: Share, turning: Turning, sweep: Sweep) {
     let rate = 1.0 / sweep.dt;
-    {
-        let row = groups.rows[g] as usize..groups.rows[g + 1] as usize;
-        let members = &groups.members[row.clone()];
-        let rest = &groups.rest[row.clone()];
-        let x = &mut particles.position;
-        let v = &mut particles.velocity;
-        let q = &mut particles.rotation;
-        let omega = &mut particles.angular_velocity;
-        let (mass, w, inverse_inertia) = (&particles.mass, &particles.inverse_mass, &particles.inverse_inertia);
+    let row = groups.rows[g] as usize..groups.rows[g + 1] as usize;
+    let members = &groups.members[row.clone()];
+    let rest = &groups.rest[row.clone()];
+    let x = &mut particles.position;
+    let v = &mut particles.velocity;
+    let q = &mut particles.rotation;
+    let omega = &mut particles.angular_velocity;
+    let (mass, w, inverse_inertia) = (&particles.mass, &particles.inverse_mass, &particles.inverse_inertia);
 
-        let (mut center, mut rest_center, mut total, mut free) = (Vec3A::ZERO, Vec3A::ZERO, 0.0, true);
-        for (&i, &r) in members.iter().zip(rest) {
-            let i = i as usize;
-            let mut m = mass[i];
-            if w[i] == 0.0 {
-                m *= PINNED;
-                free = false;
-            }
-            center += x[i] * m;
-            rest_center += r * m;
-            total += m;
+    let (mut center, mut rest_center, mut total, mut free) = (Vec3A::ZERO, Vec3A::ZERO, 0.0, true);
+    for (&i, &r) in members.iter().zip(rest) {
+        let i = i as usize;
+        let mut m = mass[i];
+        if w[i] == 0.0 {
+            m *= PINNED;
+            free = false;
         }
-        center /= total;
-        rest_center /= total;
+        center += x[i] * m;
+        rest_center += r * m;
+        total += m;
+    }
+    center /= total;
+    rest_center /= total;
 
-        let mut a = Mat3A::ZERO;
-        for (&i, &r) in members.iter().zip(rest) {
-            let i = i as usize;
-            let weight = if w[i] == 0.0 { PINNED } else { 1.0 };
-            let mut spin = Mat3A::from_quat(q[i]) * groups.moment[i];
-            if let Some(&bar) = groups.rest_rotation.get(i) {
-                spin *= Mat3A::from_quat(bar).transpose();
-            }
-            a += if inverse_inertia[i] == 0.0 { spin * PINNED } else { spin };
-            let d = (x[i] - center) * (mass[i] * weight);
-            let r = r - rest_center;
-            a.x_axis += d * r.x;
-            a.y_axis += d * r.y;
-            a.z_axis += d * r.z;
+    let mut a = Mat3A::ZERO;
+    for (&i, &r) in members.iter().zip(rest) {
+        let i = i as usize;
+        let weight = if w[i] == 0.0 { PINNED } else { 1.0 };
+        let mut spin = Mat3A::from_quat(q[i]) * groups.moment[i];
+        if let Some(&bar) = groups.rest_rotation.get(i) {
+            spin *= Mat3A::from_quat(bar).transpose();
         }
+        a += if inverse_inertia[i] == 0.0 { spin * PINNED } else { spin };
+        let d = (x[i] - center) * (mass[i] * weight);
+        let r = r - rest_center;
+        a.x_axis += d * r.x;
+        a.y_axis += d * r.y;
+        a.z_axis += d * r.z;
+    }
 
-        let rotation = extract_rotation(a, groups.rotation[g]);
-        groups.rotation[g] = rotation;
-        let matrix = Mat3A::from_quat(rotation);
+    let rotation = extract_rotation(a, groups.rotation[g]);
+    groups.rotation[g] = rotation;
+    let matrix = Mat3A::from_quat(rotation);
 
-        let rigid = (share.damping > 0.0).then(|| rigid_velocity(members, center, x, v, omega, mass, &particles.inertia));
-        let (memory, damping) = (share.memory, share.damping * sweep.dt);
-        let stiff = share.is_rigid();
-        let pulled = if groups.pulled.is_empty() { &mut [][..] } else { &mut groups.pulled[row] };
-        let ways = &mut groups.ways[..members.len()];
-        let mut excess = Vec3A::ZERO;
-        for (k, (&i, &r)) in members.iter().zip(rest).enumerate() {
-            let i = i as usize;
-            let mut way = (matrix * (r - rest_center) - (x[i] - center)) * share.stiffness;
-            if let Some((linear, angular)) = rigid {
-                way -= (v[i] - linear - angular.cross(x[i] - center)) * damping;
-            }
-            if let Some(pulled) = pulled.get_mut(k) {
-                way -= pulled.0 * memory;
-                pulled.0 += way;
-            }
-            ways[k] = way;
-            excess += way * mass[i];
+    let rigid = (share.damping > 0.0).then(|| rigid_velocity(members, center, x, v, omega, mass, &particles.inertia));
+    let (memory, damping) = (share.memory, share.damping * sweep.dt);
+    let stiff = share.is_rigid();
+    let pulled = if groups.pulled.is_empty() { &mut [][..] } else { &mut groups.pulled[row] };
+    let ways = &mut groups.ways[..members.len()];
+    let mut excess = Vec3A::ZERO;
+    for (k, (&i, &r)) in members.iter().zip(rest).enumerate() {
+        let i = i as usize;
+        let mut way = (matrix * (r - rest_center) - (x[i] - center)) * share.stiffness;
+        if let Some((linear, angular)) = rigid {
+            way -= (v[i] - linear - angular.cross(x[i] - center)) * damping;
         }
-        excess = if free { excess / total } else { Vec3A::ZERO };
-        let mut reaction = Vec3A::ZERO;
-        for (k, (&i, &way)) in members.iter().zip(&*ways).enumerate() {
-            let i = i as usize;
-            if w[i] > 0.0 {
-                let way = way - excess;
-                x[i] += way;
-                v[i] += way * rate;
-                if stiff {
-                    particles.rigid_push[i][0] += way * rate;
-                }
-                reaction -= way * mass[i];
-            }
-            if inverse_inertia[i] == 0.0 || (turning == Turning::MainOnly && k > 0) || groups.unoriented.get(i).is_some_and(|&u| u) {
-                continue;
-            }
-            let goal = match groups.rest_rotation.get(i) {
-                Some(&bar) => rotation * bar,
-                None => rotation,
-            };
-            let share_of_turn = if turning == Turning::MainOnly { 1.0 } else { share.stiffness };
-            let mut angle = small_log(goal * q[i].inverse()) * share_of_turn;
-            if let Some((_, angular)) = rigid {
-                angle -= (omega[i] - angular) * damping;
-            }
-            if let Some(pulled) = pulled.get_mut(k) {
-                angle -= pulled.1 * memory;
-                pulled.1 += angle;
-            }
-            q[i] = turned(q[i], angle);
-            omega[i] += angle * rate;
+        if let Some(pulled) = pulled.get_mut(k) {
+            way -= pulled.0 * memory;
+            pulled.0 += way;
+        }
+        ways[k] = way;
+        excess += way * mass[i];
+    }
+    excess = if free { excess / total } else { Vec3A::ZERO };
+    let mut reaction = Vec3A::ZERO;
+    for (k, (&i, &way)) in members.iter().zip(&*ways).enumerate() {
+        let i = i as usize;
+        if w[i] > 0.0 {
+            let way = way - excess;
+            x[i] += way;
+            v[i] += way * rate;
             if stiff {
-                particles.rigid_push[i][1] += angle * rate;
+                particles.rigid_push[i][0] += way * rate;
             }
+            reaction -= way * mass[i];
         }
-        if !free && !particles.reaction.is_empty() {
-            react(members, w, &mut particles.reaction, reaction * rate);
+        if inverse_inertia[i] == 0.0 || (turning == Turning::MainOnly && k > 0) || groups.unoriented.get(i).is_some_and(|&u| u) {
+            continue;
         }
+        let goal = match groups.rest_rotation.get(i) {
+            Some(&bar) => rotation * bar,
+            None => rotation,
+        };
+        let share_of_turn = if turning == Turning::MainOnly { 1.0 } else { share.stiffness };
+        let mut angle = small_log(goal * q[i].inverse()) * share_of_turn;
+        if let Some((_, angular)) = rigid {
+            angle -= (omega[i] - angular) * damping;
+        }
+        if let Some(pulled) = pulled.get_mut(k) {
+            angle -= pulled.1 * memory;
+            pulled.1 += angle;
+        }
+        q[i] = turned(q[i], angle);
+        omega[i] += angle * rate;
+        if stiff {
+            particles.rigid_push[i][1] += angle * rate;
+        }
+    }
+    if !free && !particles.reaction.is_empty() {
+        react(members, w, &mut particles.reaction, reaction * rate);
     }
 }
 

@@ -1,10 +1,10 @@
 //! Torsion: edges resist the twist between their ends' orientations.
 
+use fearless_simd::Level;
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch};
 use glam::{Quat, Vec3A};
 
-use crate::lanes::{LANES, Lanes, Rows, SMALL, bits};
+use crate::lanes::{LANES, Lanes, Rows, SMALL, bits, in_lanes};
 use crate::{Edges, Particles, Share, Shares, Sweep, quat_log};
 
 /// Turns the two ends of every edge towards each other, by the share of the twist about the edge between them.
@@ -66,11 +66,7 @@ fn twist_edge(edges: &mut Edges, particles: &mut Particles, e: usize, shares: Sh
 
 /// Solves all edges batch after batch, with the instructions of `level`, which do not change the result if the sweep is deterministic.
 fn twist_in_lanes(level: Level, edges: &mut Edges, particles: &mut Particles, share: Share, sweep: Sweep) {
-    if sweep.deterministic {
-        dispatch!(level, simd => twist_batches(Lanes::<_, false>(simd), edges, particles, share, sweep));
-    } else {
-        dispatch!(level, simd => twist_batches(Lanes::<_, true>(simd), edges, particles, share, sweep));
-    }
+    in_lanes!(level, sweep.deterministic, lanes => twist_batches(lanes, edges, particles, share, sweep));
 }
 
 /// With v the vector part of q_j·q_i⁻¹, the short way round, the twist is 2·asin(|v|)/|v|·(v·e), and the share of it that goes to i as a rotation vector needs no root: d·(2·asin(|v|)/|v|·(v·d)·s/(|d|²·(w_i + w_j)))·w_i.

@@ -201,6 +201,18 @@ impl<S: Simd, const FUSED: bool> Lanes<S, FUSED> {
         Vec3x8 { x: self.sub_mul(a.y * b.z, a.z, b.y), y: self.sub_mul(a.z * b.x, a.x, b.z), z: self.sub_mul(a.x * b.y, a.y, b.x) }
     }
 
+    /// All lanes added up, by halves.
+    #[inline(always)]
+    pub(crate) fn sum(self, v: f32x8<S>) -> f32 {
+        let [a, b, c, d, e, f, g, h] = Lane::from(v);
+        ((a + e) + (c + g)) + ((b + f) + (d + h))
+    }
+
+    #[inline(always)]
+    pub(crate) fn sum_vector(self, v: Vec3x8<S>) -> Vec3A {
+        Vec3A::new(self.sum(v.x), self.sum(v.y), self.sum(v.z))
+    }
+
     /// `from[at[l]]` in lane l.
     #[inline(always)]
     pub(crate) fn gather(self, from: &[Vec3A], at: &[u32; LANES]) -> Vec3x8<S> {

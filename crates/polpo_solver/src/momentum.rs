@@ -1,7 +1,10 @@
 //! What a body carries: momentum, energy, and how far it is from its rest shape.
 
-use glam::{Mat3A, Quat, Vec3, Vec3A};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
+use glam::{Mat3A, Quat, Vec3A};
 
+use crate::lanes::{Eights, LANES, Lanes, Vec3x8};
 use crate::workless::{allowed_energy, shed_energy};
 use crate::{Particles, extract_rotation};
 
@@ -23,62 +26,56 @@ pub struct Momentum {
 }
 
 /// Sums up what the particles carry. An empty body carries nothing.
+///
+/// In eight sums, one a lane, which are added up in the end: the same bits with all instructions.
 pub fn momentum(p: &Particles) -> Momentum {
-    let n = p.len();
-    let (x, v, w) = (&p.position[..n], &p.velocity[..n], &p.angular_velocity[..n]);
-    let (mass, inertia) = (&p.mass[..n], &p.inertia[..n]);
-    let mut first = [(Vec3A::ZERO, 0.0); WAYS];
-    for i in 0..n {
-        let (center, sum) = &mut first[i % WAYS];
-        *center += x[i] * mass[i];
-        *sum += mass[i];
-    }
-    let mut total = Momentum { inertia: Mat3A::ZERO, ..Momentum::default() };
-    for (center, mass) in first {
-        total.center += center;
-        total.mass += mass;
-    }
-    if total.mass > 0.0 {
-        total.center /= total.mass;
-    }
-    let mut parts = [Part::default(); WAYS];
-    for i in 0..n {
-        let part = &mut parts[i % WAYS];
-        let r = x[i] - total.center;
-        let (mr, mv, spin) = (r * mass[i], v[i] * mass[i], w[i] * inertia[i]);
-        part.linear += mv;
-        part.angular += r.cross(mv) + spin;
-        part.energy += mv * v[i] + spin * w[i];
-        part.squares[0] += r * mr.x;
-        part.squares[1] += r * mr.y;
-        part.squares[2] += r * mr.z;
-        part.spins += inertia[i];
-    }
-    let (mut squares, mut spins, mut energy) = (Mat3A::ZERO, 0.0, Vec3A::ZERO);
-    for part in parts {
-        total.linear += part.linear;
-        total.angular += part.angular;
-        energy += part.energy;
-        squares += Mat3A::from_cols(part.squares[0], part.squares[1], part.squares[2]);
-        spins += part.spins;
-    }
-    total.kinetic_energy = 0.5 * energy.element_sum();
-    let round = squares.x_axis.x + squares.y_axis.y + squares.z_axis.z + spins;
-    total.inertia = Mat3A::from_diagonal(Vec3::splat(round)) - squares;
-    total
+    dispatch!(Level::new(), simd => sum_up(Lanes::<_, false>(simd), p))
 }
 
-/// Into how many sums that do not wait for each other [`momentum`] adds up.
-const WAYS: usize = 2;
-
-/// One of those sums: ½ΣE by axes, Σ m·r·rᵀ and ΣI beside what [`Momentum`] says.
-#[derive(Clone, Copy, Default)]
-struct Part {
-    linear: Vec3A,
-    angular: Vec3A,
-    energy: Vec3A,
-    squares: [Vec3A; 3],
-    spins: f32,
+#[inline(always)]
+fn sum_up<S: Simd>(lanes: Lanes<S, false>, p: &Particles) -> Momentum {
+    let n = p.len();
+    let [x, v, w] = [&p.position, &p.velocity, &p.angular_velocity].map(|from| Eights::of(&from[..n]));
+    let [mass, inertia] = [&p.mass, &p.inertia].map(|from| Eights::of(&from[..n]));
+    let eights = n.div_ceil(LANES);
+    let (mut center, mut total) = (lanes.zero(), lanes.splat(0.0));
+    for k in 0..eights {
+        let (x, m) = (x.get(k), lanes.load(mass.get(k)));
+        center += lanes.vectors(|l| x[l]) * m;
+        total += m;
+    }
+    let mut sum = Momentum { mass: lanes.sum(total), center: lanes.sum_vector(center), inertia: Mat3A::ZERO, ..Momentum::default() };
+    if sum.mass > 0.0 {
+        sum.center /= sum.mass;
+    }
+    let center = lanes.vectors(|_| sum.center);
+    let (mut linear, mut angular, mut squares, mut products) = (lanes.zero(), lanes.zero(), lanes.zero(), lanes.zero());
+    let (mut spins, mut energy) = (lanes.splat(0.0), lanes.splat(0.0));
+    for k in 0..eights {
+        let (x, v, w) = (x.get(k), v.get(k), w.get(k));
+        let (m, j) = (lanes.load(mass.get(k)), lanes.load(inertia.get(k)));
+        let (x, v, w) = (lanes.vectors(|l| x[l]), lanes.vectors(|l| v[l]), lanes.vectors(|l| w[l]));
+        // What makes up the last eight has no mass.
+        let r = x - center;
+        let (mr, mv, spin) = (r * m, v * m, w * j);
+        linear += mv;
+        angular += lanes.cross(r, mv) + spin;
+        energy += lanes.dot(mv, v) + lanes.dot(spin, w);
+        squares += Vec3x8 { x: mr.x * r.x, y: mr.y * r.y, z: mr.z * r.z };
+        products += Vec3x8 { x: mr.y * r.z, y: mr.z * r.x, z: mr.x * r.y };
+        spins += j;
+    }
+    sum.linear = lanes.sum_vector(linear);
+    sum.angular = lanes.sum_vector(angular);
+    sum.kinetic_energy = 0.5 * lanes.sum(energy);
+    let (s, c) = (lanes.sum_vector(squares), lanes.sum_vector(products));
+    let spins = lanes.sum(spins);
+    sum.inertia = Mat3A::from_cols(
+        Vec3A::new(s.y + s.z + spins, -c.z, -c.y),
+        Vec3A::new(-c.z, s.x + s.z + spins, -c.x),
+        Vec3A::new(-c.y, -c.x, s.x + s.y + spins),
+    );
+    sum
 }
 
 /// What the `members` carry; only the spin of those that are `oriented` counts.

@@ -6,9 +6,8 @@ use polpo::prelude::*;
 use polpo::{Contacts, Edges, ImplicitGroups, Particles};
 use polpo_rapier::{ContactDetector, DetectionInput, Obstacles, RapierWorld};
 use polpo_solver::{
-    FreePositions, PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Shares, Sides, Stiffness, Sweep, damp_internally,
-    find_support, integrate, match_shapes, momentum, predict, restore_angular_momentum, solve_contacts, solve_distances, solve_pairs,
-    solve_torsion,
+    FreePositions, PAIR_PASSES, PairRules, PairSearch, Pairs, SelfSearch, Shares, Sides, Stiffness, Sweep, damp_internally, find_support,
+    integrate, match_shapes, momentum, predict, restore_angular_momentum, solve_contacts, solve_distances, solve_pairs, solve_torsion,
 };
 
 use crate::ours::{Ours, STEP, collider};
@@ -25,8 +24,7 @@ pub(crate) struct Bare {
     edges: polpo_solver::Edges,
     contacts: polpo_solver::Contacts,
     planes: Planes,
-    resting: RestPairs,
-    finder: PairFinder,
+    own: SelfSearch,
     pairs: Pairs,
     support: Vec<Vec3A>,
     components: Components,
@@ -79,15 +77,14 @@ impl Bare {
 
     fn new(ours: &Ours, planes: Planes) -> Self {
         let particles = get::<Particles>(ours).0.clone();
-        let resting = RestPairs::new(&particles, &get::<SoftBody>(ours).rig.edges).expect("the body touches itself already");
+        let own = SelfSearch::new(&particles, &get::<SoftBody>(ours).rig.edges).expect("the body touches itself already");
         Self {
             particles,
             groups: get::<ImplicitGroups>(ours).0.clone(),
             edges: get::<Edges>(ours).0.clone(),
             contacts: default(),
             planes,
-            resting,
-            finder: default(),
+            own,
             pairs: default(),
             support: Vec::new(),
             components: Components {
@@ -105,7 +102,7 @@ impl Bare {
     /// The plugin's step.
     pub(crate) fn step(&mut self) {
         let search = PairSearch { dt: STEP, gain: GRAVITY.length() * STEP };
-        self.finder.find_within(&self.particles, &self.resting, &search, &mut self.pairs);
+        self.own.find(&self.particles, &search, &mut self.pairs);
         match &mut self.planes {
             Planes::Given(contacts) => self.contacts.clone_from(contacts),
             Planes::Found(detection) => detection.detect(&self.particles, &self.components.collision, &mut self.contacts),

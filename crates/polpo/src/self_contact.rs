@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, RestPairs, Sides, find_support, solve_pairs};
+use polpo_solver::{PAIR_PASSES, PairRules, PairSearch, Pairs, SelfSearch, Sides, find_support, solve_pairs};
 
 use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
@@ -33,9 +33,7 @@ impl Default for SelfContact {
 #[derive(Component, Debug, Clone, Default)]
 pub struct SelfPairs {
     pairs: Pairs,
-    resting: RestPairs,
-    /// Scratch memory of its own, so that bodies can be worked on side by side.
-    finder: PairFinder,
+    search: SelfSearch,
     support: Vec<Vec3A>,
 }
 
@@ -62,9 +60,9 @@ pub(crate) fn build_self_pairs(
     idle: Query<Entity, (With<SelfPairs>, Without<SelfContact>)>,
 ) {
     for (entity, body, particles) in &lacking {
-        match RestPairs::new(particles, &body.rig.edges) {
-            Ok(resting) => {
-                commands.entity(entity).try_insert(SelfPairs { resting, ..default() });
+        match SelfSearch::new(particles, &body.rig.edges) {
+            Ok(search) => {
+                commands.entity(entity).try_insert(SelfPairs { search, ..default() });
             }
             Err(error) => reject::<SelfContact>(&mut commands, entity, "SelfContact", error),
         }
@@ -81,8 +79,8 @@ pub(crate) fn find_self_pairs(time: Res<Time>, gravity: Res<Gravity>, mut bodies
         &mut bodies,
         |(particles, _)| 100 * particles.len(),
         |(particles, mut own)| {
-            let SelfPairs { pairs, resting, finder, .. } = &mut *own;
-            finder.find_within(particles, resting, &search, pairs);
+            let SelfPairs { pairs, search: own, .. } = &mut *own;
+            own.find(particles, &search, pairs);
         },
     );
 }
@@ -97,6 +95,9 @@ pub(crate) fn solve_self_pairs(
         &mut bodies,
         |(_, own, ..)| 60 * own.pairs.list.len(),
         |(mut particles, mut own, contact, contacts)| {
+            if own.pairs.list.is_empty() {
+                return;
+            }
             let rules = PairRules { dt, friction: contact.friction.max(0.0), push_speed: contact.push_speed.max(0.0) };
             let SelfPairs { pairs, support, .. } = &mut *own;
             note_support(contacts, &particles, dt, support);

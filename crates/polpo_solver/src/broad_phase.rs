@@ -32,6 +32,18 @@ impl Bounds {
         self.max = self.max.max(other.max);
     }
 
+    /// The box and what is up to `margin` \[m\] away from it along each axis.
+    #[inline]
+    pub fn grown(&self, margin: f32) -> Self {
+        Self { min: self.min - margin, max: self.max + margin }
+    }
+
+    /// Whether all of `other` is in this. Nothing that is not a number is.
+    #[inline]
+    pub fn holds(&self, other: &Self) -> bool {
+        self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
+    }
+
     /// Whether the two have a point in common. A box that is not finite meets none.
     #[inline]
     pub fn meets(&self, other: &Self) -> bool {

@@ -19,7 +19,7 @@ fn search(dt: f32) -> PairSearch {
 
 fn find(p: &Particles, dt: f32) -> Pairs {
     let mut pairs = Pairs::default();
-    PairFinder::default().find_within(p, &RestPairs::default(), &search(dt), &mut pairs);
+    SelfSearch::default().find(p, &search(dt), &mut pairs);
     pairs
 }
 
@@ -31,7 +31,7 @@ fn solve(pairs: &mut Pairs, p: &mut Particles, rules: &PairRules) {
 
 /// A step of one substep, pairs found anew.
 fn step(p: &mut Particles, pairs: &mut Pairs, gravity: Vec3A, friction: f32, dt: f32) {
-    PairFinder::default().find_within(p, &RestPairs::default(), &search(dt), pairs);
+    SelfSearch::default().find(p, &search(dt), pairs);
     predict(p, gravity, dt);
     solve(pairs, p, &PairRules { dt, friction, push_speed: 3.0 });
     integrate(p, dt, 0.0);
@@ -330,23 +330,55 @@ fn the_search_finds_what_flies_past() {
 #[test]
 fn a_body_at_rest_has_no_pairs_with_itself() {
     let (p, edges) = blob();
-    let resting = RestPairs::new(&p, &edges).unwrap();
+    let mut own = SelfSearch::new(&p, &edges).unwrap();
     let mut pairs = Pairs::default();
-    PairFinder::default().find_within(&p, &resting, &search(1.0 / 60.0), &mut pairs);
+    own.find(&p, &search(1.0 / 60.0), &mut pairs);
     let mut p = p;
     let before = p.clone();
     solve(&mut pairs, &mut p, &PairRules { dt: 1.0 / 300.0, friction: 0.5, push_speed: 3.0 });
     assert_eq!(p, before);
-    for &[i, j] in &edges {
-        assert!(resting.contains(i.min(j), i.max(j)));
+    for x in &mut p.position {
+        *x *= 0.3;
     }
+    own.find(&p, &search(1.0 / 60.0), &mut pairs);
+    assert!(!pairs.list.is_empty() && edges.iter().all(|&[i, j]| pairs.list.iter().all(|pair| pair.particles != [i.min(j), i.max(j)])));
+}
+
+/// A body that is crumpled, flies, stands still, blows up and comes back, once with one search for all steps, once with a new one in each.
+#[test]
+fn what_is_found_does_not_depend_on_when_it_was_searched_for() {
+    let (mut p, edges) = blob();
+    let mut random = Random(9);
+    let mut own = SelfSearch::new(&p, &edges).unwrap();
+    let (mut kept, mut anew) = (Pairs::default(), Pairs::default());
+    let mut found = 0;
+    for step in 0..300 {
+        let dt = 1.0 / 60.0;
+        for i in 0..p.len() {
+            let still = (100..150).contains(&step);
+            p.velocity[i] = if still { Vec3A::ZERO } else { random.vector() - 3.0 * p.position[i] + Vec3A::X * step as f32 };
+            let drift = Vec3A::X * step as f32;
+            p.position[i] += (p.velocity[i] - if still { Vec3A::ZERO } else { drift }) * dt;
+        }
+        if step == 200 {
+            p.position[3] *= f32::NAN;
+        }
+        if step == 210 {
+            p.position[3] = Vec3A::ZERO;
+        }
+        own.find(&p, &search(dt), &mut kept);
+        SelfSearch::new(&p, &edges).unwrap().find(&p, &search(dt), &mut anew);
+        found += kept.list.len();
+        assert_eq!(kept, anew, "step {step}");
+    }
+    assert!(found > 1000, "{found}");
 }
 
 #[test]
 fn what_has_collapsed_does_not_fill_the_memory() {
     let heap = body(&vec![(Vec3A::ZERO, Vec3A::splat(0.1), 1.0); 3000]);
     assert_eq!(find(&heap, 0.01).list.len(), 64 * 3000);
-    assert!(RestPairs::new(&heap, &[]).is_err());
+    assert!(SelfSearch::new(&heap, &[]).is_err());
     let mut p = heap.clone();
     let mut pairs = find(&p, 0.01);
     solve(&mut pairs, &mut p, &PairRules { dt: 0.01, friction: 0.5, push_speed: 3.0 });
@@ -393,7 +425,7 @@ fn what_lies_on_the_ground_bears_what_lies_on_it() {
         };
         let (mut contacts, mut pairs, mut support) = (Contacts { list: vec![plane] }, Pairs::default(), Vec::new());
         for _ in 0..600 {
-            PairFinder::default().find_within(&p, &RestPairs::default(), &search(dt), &mut pairs);
+            SelfSearch::default().find(&p, &search(dt), &mut pairs);
             predict(&mut p, G, dt);
             if knows {
                 find_support(&contacts, &p, dt, &mut support);

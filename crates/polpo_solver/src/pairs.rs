@@ -1,6 +1,6 @@
 //! Pairs of particles that may touch in one step, and how they are found.
 
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 
 use crate::ellipsoid_pair::{EllipsoidPair, FLATTEST};
 use crate::{Bounds, BroadPhase, Particles};
@@ -51,10 +51,6 @@ impl Pair {
             known: false,
         }
     }
-
-    fn key(&self) -> u64 {
-        key(self.particles[0], self.particles[1])
-    }
 }
 
 /// The pairs of one body with itself, or of two bodies, found once a step. Reuse it: a warmed-up step allocates nothing.
@@ -65,12 +61,12 @@ pub struct Pairs {
     /// The way out of an overlap of whole bodies that nobody's motion made, from the first to the second; `None` as long as they touch at their skins only. While it is there, what overlaps is pushed
     /// apart along it, rather than each pair along its own normal, which would lock two lattices into each other.
     pub way_out: Option<Vec3A>,
-    /// The pairs of the step before, for what they remember.
-    before: Vec<Pair>,
+    /// What the pairs of the step before remember.
+    before: Vec<([u32; 2], Vec3)>,
 }
 
 /// Two particles' indices, as a number that sorts like them.
-fn key(i: u32, j: u32) -> u64 {
+pub(crate) fn key(i: u32, j: u32) -> u64 {
     u64::from(i) << 32 | u64::from(j)
 }
 
@@ -83,108 +79,16 @@ pub struct PairSearch {
     pub gain: f32,
 }
 
-/// The pairs of a body that never count as touching: those joined by an edge, those that overlap at rest or all but do, and those that have a neighbour in common and are nearer at rest than the smaller one's radius.
-/// What is joined that closely is held apart by the body's stiffness; a contact on top would only quarrel with it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RestPairs {
-    /// Particle i's partners j > i, sorted, are `partners[rows[i]..rows[i + 1]]`.
-    rows: Vec<u32>,
-    partners: Vec<u32>,
-}
-
-/// So many particles of a body overlap at rest that self-contact would have nothing to hold apart.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{pairs} or more pairs of its {particles} particles overlap at rest")]
-pub struct TooDense {
-    /// How many pairs were found before the search was given up.
-    pub pairs: usize,
-    /// How many particles there are.
-    pub particles: usize,
-}
-
-/// Gaps at rest up to this share of the smaller one's radius count as an overlap: what all but touches at rest would touch for ever.
-const NEARLY: f32 = 0.1;
 /// Pairs are looked for within this share of the smaller particle's radius.
 const SLACK: f32 = 0.25;
 /// At most this many pairs a particle, on average, are kept: the rest of a body that has collapsed into a point must not fill the memory.
-const MOST: usize = 64;
-/// Room from the start for this many pairs of a body with itself a particle.
-const ROOM: usize = 2;
+pub(crate) const MOST: usize = 64;
 /// An overlap deeper than this share of the pair's thickness, at first sight, was not made by motion.
 const SUDDEN: f32 = 0.1;
 /// Overlaps not deeper than this share of the thickness are skin on skin again.
 const SKIN: f32 = 0.05;
 
-impl RestPairs {
-    /// For a body of `particles` with the edges `edges`; an edge to a particle that does not exist is ignored.
-    ///
-    /// # Errors
-    ///
-    /// If more than 256 pairs a particle (and more than half a million) overlap at rest.
-    pub fn new(particles: &Particles, edges: &[[u32; 2]]) -> Result<Self, TooDense> {
-        let n = particles.len();
-        let most = (256 * n).max(500_000);
-        let boxes: Vec<Bounds> = (0..n)
-            .map(|i| {
-                let x = particles.rest_position[i];
-                Bounds::of_swept_ball(x, x, 1.5 * particles.radii[i].max_element())
-            })
-            .collect();
-        let mut keys: Vec<u64> = edges.iter().map(|&[i, j]| key(i.min(j), i.max(j))).collect();
-        let mut both_ways: Vec<(u32, u32)> = edges.iter().flat_map(|&[i, j]| [(i, j), (j, i)]).collect();
-        both_ways.sort_unstable();
-        let neighbours = |i: u32| {
-            let from = both_ways.partition_point(|&(a, _)| a < i);
-            both_ways[from..].iter().take_while(move |&&(a, _)| a == i).map(|&(_, b)| b)
-        };
-        let mut found = 0;
-        BroadPhase::default().pairs(&boxes, |i, j| {
-            let (a, b) = (i as usize, j as usize);
-            let d = particles.rest_position[b] - particles.rest_position[a];
-            let bound = |k: usize| particles.radii[k].max_element();
-            let akin = neighbours(i).any(|k| neighbours(j).any(|l| k == l));
-            let near = if akin { 1.0 } else { NEARLY } * bound(a).min(bound(b));
-            if d.length_squared() < (bound(a) + bound(b) + near).powi(2) {
-                let at_rest = |k: usize| crate::Ellipsoid { radii: particles.radii[k], orientation: particles.frame[k] };
-                if EllipsoidPair::new(&at_rest(a), &at_rest(b), d).contact().gap <= near {
-                    keys.push(key(i, j));
-                    found += 1;
-                }
-            }
-            found < most
-        });
-        if found >= most {
-            return Err(TooDense { pairs: found, particles: n });
-        }
-        keys.sort_unstable();
-        keys.dedup();
-        let mut rows = vec![0u32; n + 1];
-        let mut partners = Vec::with_capacity(keys.len());
-        for k in keys {
-            let (i, j) = ((k >> 32) as usize, k as u32);
-            if (j as usize) < n {
-                rows[i + 1] += 1;
-                partners.push(j);
-            }
-        }
-        for i in 0..n {
-            rows[i + 1] += rows[i];
-        }
-        Ok(Self { rows, partners })
-    }
-
-    /// Whether `i` and `j`, i < j, are left out.
-    #[inline]
-    pub fn contains(&self, i: u32, j: u32) -> bool {
-        let i = i as usize;
-        match (self.rows.get(i), self.rows.get(i + 1)) {
-            (Some(&from), Some(&to)) => self.partners[from as usize..to as usize].contains(&j),
-            _ => false,
-        }
-    }
-}
-
-/// Finds the pairs of one body, or of two. Its scratch memory: reuse it, so that a warmed-up step allocates nothing.
+/// Finds the pairs of two bodies. Its scratch memory: reuse it, so that a warmed-up step allocates nothing.
 ///
 /// Each particle is its enveloping sphere on its way through the step, with a margin; what meets is a candidate, and candidates whose paths come near enough at the same time are pairs. So a particle that flies
 /// through another within the step is found.
@@ -198,31 +102,6 @@ pub struct PairFinder {
 }
 
 impl PairFinder {
-    /// Fills `pairs` with those of one body, without those `resting`.
-    pub fn find_within(&mut self, p: &Particles, resting: &RestPairs, search: &PairSearch, pairs: &mut Pairs) {
-        let frame = mean_velocity(p);
-        self.begin();
-        // Room from the start for what a body that lies on itself has; in a knot the lists grow.
-        self.keys.reserve(ROOM * p.len());
-        pairs.list.reserve((ROOM * p.len()).saturating_sub(pairs.list.len()));
-        pairs.before.reserve((ROOM * p.len()).saturating_sub(pairs.before.len()));
-        for i in 0..p.len() {
-            self.add(i as u32, swept(p, i, Vec3A::ZERO, frame, search));
-        }
-        let Self { broad, boxes, owners, keys } = self;
-        let most = MOST * p.len();
-        broad.pairs(boxes, |i, j| {
-            let (i, j) = (owners[i as usize], owners[j as usize]);
-            if !resting.contains(i, j) && meet_in_step(p, i as usize, p, j as usize, Vec3A::ZERO, search) {
-                keys.push(key(i, j));
-            }
-            keys.len() < most
-        });
-        keys.sort_unstable();
-        pairs.refill(keys, p, p, Vec3A::ZERO);
-        pairs.way_out = None;
-    }
-
     /// Fills `pairs` with those of two bodies, the second's origin at `offset` \[m\] from the first's. `fresh` says that the two have not been near each other in the step before, so that an overlap is
     /// one that nobody's motion made.
     pub fn find_between(&mut self, a: &Particles, b: &Particles, offset: Vec3A, search: &PairSearch, fresh: bool, pairs: &mut Pairs) {
@@ -262,7 +141,7 @@ impl PairFinder {
             keys.len() < most
         });
         keys.sort_unstable();
-        pairs.refill(keys, a, b, offset);
+        pairs.refill(keys.iter().copied(), a, b, offset);
         if fresh || pairs.way_out.is_some() {
             let limit = if fresh { SUDDEN } else { SKIN };
             if pairs.overlap(a, b, offset, limit) {
@@ -317,18 +196,20 @@ impl Pairs {
     }
 
     /// Makes the list anew from sorted `keys`; pairs that were in it keep their normals.
-    fn refill(&mut self, keys: &[u64], a: &Particles, b: &Particles, offset: Vec3A) {
-        core::mem::swap(&mut self.list, &mut self.before);
-        self.list.clear();
-        let mut old = self.before.iter().peekable();
-        for &k in keys {
+    pub(crate) fn refill(&mut self, keys: impl Iterator<Item = u64>, a: &Particles, b: &Particles, offset: Vec3A) {
+        let Self { list, before, .. } = self;
+        before.clear();
+        before.extend(list.iter().filter(|pair| pair.known).map(|pair| (pair.particles, pair.normal.into())));
+        list.clear();
+        let mut old = before.iter().peekable();
+        for k in keys {
             let (i, j) = ((k >> 32) as u32, k as u32);
             let mut pair = Pair::new(i, j, a, b, b.position[j as usize] + offset - a.position[i as usize]);
-            while old.next_if(|pair| pair.key() < k).is_some() {}
-            if let Some(then) = old.next_if(|pair| pair.key() == k).filter(|then| then.known) {
-                (pair.normal, pair.known) = (then.normal, true);
+            while old.next_if(|([i, j], _)| key(*i, *j) < k).is_some() {}
+            if let Some((_, normal)) = old.next_if(|([i, j], _)| key(*i, *j) == k) {
+                (pair.normal, pair.known) = (Vec3A::from(*normal), true);
             }
-            self.list.push(pair);
+            list.push(pair);
         }
     }
 
@@ -356,14 +237,14 @@ pub fn swept_bounds(p: &Particles, search: &PairSearch) -> Bounds {
 }
 
 /// The box of a particle on its way through the step, seen from what moves at `frame` \[m/s\].
-fn swept(p: &Particles, i: usize, origin: Vec3A, frame: Vec3A, search: &PairSearch) -> Bounds {
+pub(crate) fn swept(p: &Particles, i: usize, origin: Vec3A, frame: Vec3A, search: &PairSearch) -> Bounds {
     let x = p.position[i] + origin;
     let margin = SLACK * p.radii[i].max_element() + search.gain * search.dt;
     Bounds::of_swept_ball(x, x + (p.velocity[i] - frame) * search.dt, p.radii[i].max_element() + margin)
 }
 
 /// Whether two particles come within reach of each other, and some margin, at any time of the step.
-fn meet_in_step(a: &Particles, i: usize, b: &Particles, j: usize, offset: Vec3A, search: &PairSearch) -> bool {
+pub(crate) fn meet_in_step(a: &Particles, i: usize, b: &Particles, j: usize, offset: Vec3A, search: &PairSearch) -> bool {
     let d = b.position[j] + offset - a.position[i];
     let way = (b.velocity[j] - a.velocity[i]) * search.dt;
     let (ra, rb) = (a.radii[i].max_element(), b.radii[j].max_element());
@@ -378,7 +259,7 @@ pub(crate) fn nearest(d: Vec3A, way: Vec3A) -> Vec3A {
 }
 
 /// Of what is finite; zero for a body without mass.
-fn mean_velocity(p: &Particles) -> Vec3A {
+pub(crate) fn mean_velocity(p: &Particles) -> Vec3A {
     let (mut sum, mut mass) = (Vec3A::ZERO, 0.0);
     for (v, m) in p.velocity.iter().zip(&p.mass) {
         if v.is_finite() {

@@ -9,7 +9,7 @@ use common::{Loss, Random, cases, cloud, loss, pairs, stir};
 use glam::Vec3A;
 use polpo_solver::{
     CalibratedEdges, Drive, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, Material, Motor, PAIR_PASSES, PairFinder, PairRules,
-    PairSearch, Pairs, Particles, Plasticity, RestPairs, RestPose, Section, Share, Sides, Stiffness, Sweep, Turning, creep_edges,
+    PairSearch, Pairs, Particles, Plasticity, RestPose, Section, SelfSearch, Share, Sides, Stiffness, Sweep, Turning, creep_edges,
     creep_shapes, damp_internally, match_explicit_groups, match_shapes, momentum, predict, predict_explicit, restore_angular_momentum,
     solve_calibrated_edges, solve_distances, solve_pairs, solve_torsion,
 };
@@ -342,7 +342,7 @@ proptest! {
         let mut random = Random(seed);
         let mut p = crowd(&mut random, 8, round);
         let mut found = Pairs::default();
-        PairFinder::default().find_within(&p, &RestPairs::default(), &PairSearch { dt: DT, gain: 0.1 }, &mut found);
+        SelfSearch::default().find(&p, &PairSearch { dt: DT, gain: 0.1 }, &mut found);
         let (before, scale, rules) = (carried(&p, &p.position), scale_of(&p), rules(&mut random));
         for pass in 0..PAIR_PASSES {
             solve_pairs(&mut found, &mut Sides::Within { particles: &mut p, support: &[] }, &rules, pass);

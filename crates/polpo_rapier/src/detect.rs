@@ -98,6 +98,7 @@ impl ContactDetector {
         self.candidates.clear();
         self.candidates.reserve(ROOM);
         self.seen.clear();
+        self.seen.reserve_exact(body.particles.len());
         self.looked = LastLook::default();
         let p = body.particles;
         if free.position.len() != p.len() {

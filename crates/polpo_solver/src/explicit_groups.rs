@@ -1,5 +1,7 @@
 //! Explicit shape-matching groups: any subsets of a body's particles, each a rigid or soft piece; particles that two of them share are joints.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Quat, Vec3A};
 
 use crate::groups::second_moment;
@@ -181,13 +183,14 @@ impl ExplicitGroups {
         this.open = vec![0.0; groups.len()];
         this.bodies = vec![RigidBody::default(); groups.len()];
         this.held = vec![Held::default(); this.shape.members.len()];
-        this.shape.rest = vec![Vec3A::ZERO; this.shape.members.len()];
+        let mut rest = vec![Vec3A::ZERO; this.shape.members.len()];
         for g in 0..groups.len() {
             let made = this.made_offsets(g, particles);
             let start = this.shape.rows[g] as usize;
-            this.shape.rest[start..start + made.len()].copy_from_slice(&made);
+            rest[start..start + made.len()].copy_from_slice(&made);
             this.bodies[g].start_from(this.shape.rotation[g].as_dquat());
         }
+        this.shape.rest = rest.into();
         let largest = groups.iter().map(|g| g.members.len()).max().unwrap_or(0);
         this.shape.ways = vec![Vec3A::ZERO; largest];
         this.landings.reserve(largest);
@@ -299,7 +302,7 @@ impl ExplicitGroups {
         }
         self.scale[g] = scale;
         let row = self.row(g);
-        for r in &mut self.shape.rest[row] {
+        for r in &mut Arc::make_mut(&mut self.shape.rest)[row] {
             *r *= ratio;
         }
         // Which shared particles make the joints follows from where they rest now, not from when it was asked last.

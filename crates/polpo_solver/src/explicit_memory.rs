@@ -1,5 +1,7 @@
 //! What explicit groups carry over from substep to substep, in a form that can be kept and put back.
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3, Vec3A};
 
 use crate::rigid_groups::share_out;
@@ -74,7 +76,7 @@ impl ExplicitGroups {
             }
             if !m.rest.is_empty() {
                 let row = self.row(g);
-                self.shape.rest[row].copy_from_slice(&m.rest);
+                Arc::make_mut(&mut self.shape.rest)[row].copy_from_slice(&m.rest);
             }
         }
         share_out(self, particles);

@@ -21,7 +21,7 @@ pub struct ImplicitGroups {
     /// Members, row after row; the first of a row is the particle the group belongs to.
     pub(crate) members: Arc<[u32]>,
     /// x̄_i − c̄, where each member is at rest, relative to its group's centre of mass \[m\].
-    pub(crate) rest: Vec<Vec3A>,
+    pub(crate) rest: Arc<Vec<Vec3A>>,
     /// The rotation found last, the warm start of the next search; see [`forget_rotations`](Self::forget_rotations).
     pub rotation: Vec<Quat>,
     /// Which share each *group* has, as an index into the shares; empty: that of its first member.
@@ -112,6 +112,8 @@ impl ImplicitGroups {
         groups.gathered = vec![Gathered::default(); groups.batches.longest()];
         groups.ways = vec![Vec3A::ZERO; groups.batches.longest()];
         groups.pose(particles, &RestPose::default());
+        // Before there are clones, which would each get masses of their own.
+        Batches::masses(&mut groups.batches, &groups.rows, &particles.mass);
         groups
     }
 

@@ -111,7 +111,17 @@ impl Particles {
         if u32::try_from(rest.len()).is_err() {
             return Err(ParticleError::TooMany { count: rest.len() });
         }
-        let mut particles = Self::default();
+        let n = rest.len();
+        let mut particles = Self {
+            position: Vec::with_capacity(n),
+            mass: Vec::with_capacity(n),
+            inverse_mass: Vec::with_capacity(n),
+            inertia: Vec::with_capacity(n),
+            inverse_inertia: Vec::with_capacity(n),
+            frame: Vec::with_capacity(n),
+            radii: Vec::with_capacity(n),
+            ..Self::default()
+        };
         for (index, p) in rest.iter().enumerate() {
             for (what, finite) in [
                 ("position", p.position.is_finite()),
@@ -142,7 +152,6 @@ impl Particles {
             particles.frame.push(p.frame.normalize());
             particles.radii.push(p.radii);
         }
-        let n = rest.len();
         particles.rest_position = particles.position.clone();
         particles.previous_position = particles.position.clone();
         particles.velocity = vec![Vec3A::ZERO; n];

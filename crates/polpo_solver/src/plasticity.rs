@@ -1,5 +1,7 @@
 //! Plasticity: shapes that keep part of what was done to them.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec3, Mat3A, Quat, Vec3A};
 
 use crate::batches::Batches;
@@ -45,15 +47,16 @@ pub fn creep_shapes(groups: &mut ImplicitGroups, particles: &Particles, pose: &R
         if held.get(main as usize).is_some_and(|&held| held) {
             continue;
         }
-        let (rest, shown) = (&mut rest[row.clone()], &mut ways[..row.len()]);
+        let (at_rest, shown) = (&rest[row.clone()], &mut ways[..row.len()]);
         // The rotation that fits best shows the least strain: below the yield by the last one found is below it by any better.
-        group.show(rest, rotation[g], shown);
-        if plasticity.share(group.strain(shown, rest), dt) <= 0.0 {
+        group.show(at_rest, rotation[g], shown);
+        if plasticity.share(group.strain(shown, at_rest), dt) <= 0.0 {
             continue;
         }
-        group.show(rest, group.fit(rest, rotation[g]), shown);
-        let share = plasticity.share(group.strain(shown, rest), dt);
+        group.show(at_rest, group.fit(at_rest, rotation[g]), shown);
+        let share = plasticity.share(group.strain(shown, at_rest), dt);
         if share > 0.0 {
+            let rest = &mut Arc::make_mut(rest)[row.clone()];
             for (r, &s) in rest.iter_mut().zip(&*shown) {
                 *r += (s - *r) * share;
             }
@@ -136,7 +139,7 @@ impl ExplicitGroups {
         let Some(d) = self.deformable[g] else { return };
         let row = self.row(g);
         let group = Group { members: &self.shape.members[row.clone()], moment: &self.shape.moment, turned: &[], particles };
-        let (rest, shown) = (&mut self.shape.rest[row.clone()], &mut self.shape.ways[..row.len()]);
+        let (rest, shown) = (&mut Arc::make_mut(&mut self.shape.rest)[row.clone()], &mut self.shape.ways[..row.len()]);
         let rotation = group.fit(rest, self.shape.rotation[g]);
         group.show(rest, rotation, shown);
         rest.copy_from_slice(shown);
@@ -296,7 +299,7 @@ mod tests {
             let (way, size) = implicit
                 .rest
                 .iter()
-                .zip(&before.rest)
+                .zip(before.rest.iter())
                 .fold((0.0, 0.0), |(w, s), (a, b)| (w + a.distance_squared(*b), s + b.length_squared()));
             let strain: f32 = (way / size).sqrt();
             println!("creep: {strain} of {maximum}");

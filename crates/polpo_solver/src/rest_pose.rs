@@ -1,5 +1,7 @@
 //! The shape a body strives for where that is not the one it was made in: muscles and inflation.
 
+use std::sync::Arc;
+
 use glam::{Quat, Vec3A};
 
 use crate::batches::Batches;
@@ -100,16 +102,17 @@ impl ImplicitGroups {
     pub fn pose(&mut self, particles: &Particles, pose: &RestPose) {
         self.rest_rotation.clear();
         self.rest_rotation.extend(pose.rotation.iter().map(|q| q.normalize()));
-        self.rest.clear();
+        let rest = Arc::make_mut(&mut self.rest);
+        rest.clear();
         for row in self.rows.windows(2) {
             let members = &self.members[row[0] as usize..row[1] as usize];
             let center = pose.center(particles, members);
             let size = pose.size(members[0]);
-            self.rest.extend(members.iter().map(|&i| (pose.place(particles, i) - center) * size));
+            rest.extend(members.iter().map(|&i| (pose.place(particles, i) - center) * size));
             if !self.flow.is_empty() {
                 let turn = self.rest_rotation.get(members[0] as usize).copied().unwrap_or(Quat::IDENTITY);
                 for k in row[0] as usize..row[1] as usize {
-                    self.rest[k] += turn * self.flow[k];
+                    rest[k] += turn * self.flow[k];
                 }
             }
         }

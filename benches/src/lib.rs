@@ -1,5 +1,12 @@
 //! What the benches start from. They need no renderer, so that they are built in minutes.
 
+pub mod block;
+pub mod headless;
+pub mod kernels;
+pub mod measure;
+mod noise;
+pub mod scalar;
+
 use std::sync::Arc;
 
 use polpo_rig::{Mesh, Rig};

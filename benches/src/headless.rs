@@ -7,6 +7,7 @@ use bevy::app::{TaskPoolOptions, TaskPoolPlugin, TaskPoolThreadAssignmentPolicy}
 use bevy::ecs::schedule::{Schedules, SingleThreadedExecutor};
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
+use polpo::PolpoTimingsPlugin;
 use polpo::prelude::*;
 use polpo_rapier::{PolpoRapierPlugin, RapierWorld};
 use polpo_rig::{Particle, Rig};
@@ -59,6 +60,12 @@ pub fn app(threads: Threads) -> App {
 pub fn add_floor(app: &mut App) {
     let Vec3 { x, y, z } = FLOOR_HALF_EXTENTS;
     app.world_mut().resource_mut::<RapierWorld>().insert_fixed(ColliderBuilder::cuboid(x, y, z).translation(FLOOR_CENTER));
+}
+
+/// Makes `app` measure its phases, in the resource [`StepTimings`](polpo::StepTimings).
+pub fn add_timings(app: &mut App) {
+    // `add_plugins` is for apps that are not ready yet.
+    PolpoTimingsPlugin::default().build(app);
 }
 
 /// How high a body of `rig` has to be for its lowest particle to end [`DROP`] above the floor \[m\].

@@ -9,7 +9,7 @@ use polpo::{
     ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, Inflation, Material, Plasticity, RestPose, RodShape, RodSolve, Rods, Section,
     Stillness,
 };
-use polpo_benches::headless::{on_floor, step};
+use polpo_benches::headless::{Threads, on_floor, step};
 use polpo_benches::octopus;
 use polpo_rapier::{PushRigidBodies, TouchedColliders};
 use polpo_rig::Rig;
@@ -138,7 +138,7 @@ fn capabilities(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("capabilities");
     group.sample_size(20).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
     for (name, change) in ROWS {
-        let mut app = on_floor(&rig, COUNT, SETTLE, |body| change(body, &rig));
+        let mut app = on_floor(Threads::All, &rig, COUNT, SETTLE, |body| change(body, &rig));
         group.bench_function(name, |bencher| bencher.iter_custom(|steps| step(&mut app, steps) / COUNT as u32));
     }
     group.finish();

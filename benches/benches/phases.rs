@@ -1,4 +1,4 @@
-//! What each phase of the ECS step takes, substeps summed, for an octopus that touches itself and lies on a floor.
+//! What each phase of the ECS step takes, substeps summed, for an octopus that touches itself and lies on a floor: on one thread, or what is measured would be how threads wait for each other.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use criterion::{Criterion, criterion_group, criterion_main};
 use polpo::StepTimings;
 use polpo::prelude::*;
-use polpo_benches::headless::{add_timings, on_floor};
+use polpo_benches::headless::{Threads, add_timings, on_floor};
 use polpo_benches::octopus;
 
 /// Steps until it lies: 2 s.
@@ -23,7 +23,7 @@ fn sum(app: &mut App, steps: u64, read: impl Fn(&StepTimings) -> Duration) -> Du
 
 fn phases(criterion: &mut Criterion) {
     let (_, rig) = octopus();
-    let mut app = on_floor(&rig, 1, SETTLE, |body| {
+    let mut app = on_floor(Threads::Of(1), &rig, 1, SETTLE, |body| {
         body.insert(SelfContact::default());
     });
     add_timings(&mut app);

@@ -7,7 +7,7 @@ use bevy::prelude::App;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use polpo_benches::block::block;
-use polpo_benches::headless::{on_floor, step};
+use polpo_benches::headless::{Threads, on_floor, step};
 use polpo_benches::octopus;
 
 fn octopuses(criterion: &mut Criterion) {
@@ -15,7 +15,7 @@ fn octopuses(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("step/octopuses");
     // What lies still is in a second; 333 of them take minutes for it on a slow machine.
     for (count, settle) in [(1, 120), (10, 120), (100, 60), (333, 20)] {
-        let app = on_floor(&rig, count, settle, |_| {});
+        let app = on_floor(Threads::All, &rig, count, settle, |_| {});
         measure(&mut group, count, count * rig.particles.len(), app);
     }
     group.finish();
@@ -25,7 +25,7 @@ fn blocks(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("step/one body");
     for (lattice, settle) in [([10, 10, 10], 60), ([25, 20, 20], 20), ([50, 40, 50], 5)] {
         let rig = Arc::new(block(lattice));
-        let app = on_floor(&rig, 1, settle, |_| {});
+        let app = on_floor(Threads::All, &rig, 1, settle, |_| {});
         measure(&mut group, rig.particles.len(), rig.particles.len(), app);
     }
     group.finish();

@@ -77,9 +77,9 @@ pub fn drop_height(rig: &Rig) -> f32 {
     DROP - rig.particles.iter().map(bottom).fold(f32::INFINITY, f32::min)
 }
 
-/// An app on all threads with `count` bodies of `rig` on a floor, two metres apart, that do not sleep, each changed by `change`, after so many steps.
-pub fn on_floor(rig: &Arc<Rig>, count: usize, steps: usize, change: impl Fn(&mut EntityWorldMut)) -> App {
-    let mut app = app(Threads::All);
+/// An app with `count` bodies of `rig` on a floor, two metres apart, that do not sleep, each changed by `change`, after so many steps.
+pub fn on_floor(threads: Threads, rig: &Arc<Rig>, count: usize, steps: usize, change: impl Fn(&mut EntityWorldMut)) -> App {
+    let mut app = app(threads);
     add_floor(&mut app);
     let across = (count as f32).sqrt().ceil() as usize;
     for i in 0..count {

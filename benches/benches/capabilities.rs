@@ -1,44 +1,25 @@
 //! What each capability adds to the step of an octopus that lies on a floor: one row a capability, beside the body without any and the body as it comes.
 
-use std::time::Instant;
+use std::time::Duration;
 
 use bevy::prelude::*;
-use bevy::time::TimeUpdateStrategy;
 use criterion::{Criterion, criterion_group, criterion_main};
 use polpo::prelude::*;
 use polpo::{
     ContactMemory, Contacts, ExplicitGroup, ExplicitGroups, Inflation, Material, Plasticity, RestPose, RodShape, RodSolve, Rods, Section,
     Stillness,
 };
+use polpo_benches::headless::{Threads, on_floor, step};
 use polpo_benches::octopus;
-use polpo_rapier::{PolpoRapierPlugin, PushRigidBodies, RapierWorld, TouchedColliders};
+use polpo_rapier::{PushRigidBodies, TouchedColliders};
 use polpo_rig::Rig;
-use rapier3d::prelude::ColliderBuilder;
 
 /// How many octopuses share a row's time: with several, what a step costs without any is lost in what they cost.
 const COUNT: usize = 4;
+/// Steps until they lie: 2 s.
+const SETTLE: usize = 120;
 
 type Change = fn(&mut EntityWorldMut, &Rig);
-
-/// Octopuses on a floor, two metres apart, that do not sleep, changed by `change`, after two seconds.
-fn lying(change: Change) -> App {
-    let mut app = App::new();
-    app.add_plugins((MinimalPlugins, PolpoPlugin::default(), PolpoRapierPlugin::default()))
-        .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
-        .insert_resource(Time::<Fixed>::from_hz(60.0));
-    app.finish();
-    app.world_mut().resource_mut::<RapierWorld>().insert_fixed(ColliderBuilder::cuboid(100.0, 0.5, 100.0));
-    let (_, rig) = octopus();
-    for i in 0..COUNT {
-        let mut body = app.world_mut().spawn((SoftBody::new(rig.clone()), Transform::from_xyz(2.0 * i as f32, 1.1, 0.0)));
-        body.remove::<Sleep>();
-        change(&mut body, &rig);
-    }
-    for _ in 0..120 {
-        app.update();
-    }
-    app
-}
 
 /// The edges of a tree through the rig: loops cost direct rods more, and an octopus is full of them.
 fn tree(rig: &Rig) -> Vec<u32> {
@@ -153,19 +134,12 @@ const ROWS: [(&str, Change); 23] = [
 ];
 
 fn capabilities(criterion: &mut Criterion) {
+    let (_, rig) = octopus();
     let mut group = criterion.benchmark_group("capabilities");
-    group.sample_size(20);
+    group.sample_size(20).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
     for (name, change) in ROWS {
-        let mut app = lying(change);
-        group.bench_function(name, |bencher| {
-            bencher.iter_custom(|steps| {
-                let started = Instant::now();
-                for _ in 0..steps {
-                    app.update();
-                }
-                started.elapsed() / COUNT as u32
-            });
-        });
+        let mut app = on_floor(Threads::All, &rig, COUNT, SETTLE, |body| change(body, &rig));
+        group.bench_function(name, |bencher| bencher.iter_custom(|steps| step(&mut app, steps) / COUNT as u32));
     }
     group.finish();
 }

@@ -1,4 +1,11 @@
-//! What the benches start from. They need no renderer, so that they are built in minutes.
+//! What the benches start from. It needs no renderer, so that it is built in minutes.
+
+pub mod block;
+pub mod headless;
+pub mod kernels;
+pub mod measure;
+mod noise;
+pub mod scalar;
 
 use std::sync::Arc;
 

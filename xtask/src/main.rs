@@ -4,6 +4,7 @@ mod assets;
 mod beam;
 mod ci;
 mod glb;
+mod instructions;
 mod octopus;
 
 use std::process::ExitCode;
@@ -25,6 +26,8 @@ enum Command {
     Beam,
     /// Run what CI runs: formatting, lints, documentation, tests.
     Ci,
+    /// Count the kernels' instructions with callgrind, and write benches/instructions.json.
+    Instructions(instructions::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -32,6 +35,7 @@ fn main() -> ExitCode {
         Command::Assets(arguments) => assets::run(&arguments).map_err(|e| e.to_string()),
         Command::Beam => beam::run().map_err(|e| e.to_string()),
         Command::Ci => ci::run().map_err(|e| e.to_string()),
+        Command::Instructions(arguments) => instructions::run(&arguments).map_err(|e| e.to_string()),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

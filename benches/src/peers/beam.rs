@@ -3,10 +3,11 @@
 use bevy::prelude::*;
 use polpo::prelude::*;
 use polpo::{Material, Particles, Rods, Section};
+use polpo_benches::headless::{RATE, Threads, app};
 use polpo_rig::{MeshHash, Particle, Rig};
 use rapier3d_peer::prelude as peer;
 
-use crate::ours::{RATE, STEP, app};
+use crate::ours::STEP;
 
 /// \[m\]
 const LENGTH: f32 = 2.0;
@@ -43,7 +44,7 @@ impl OurBeam {
     const PARTICLES: u32 = 300;
 
     pub(crate) fn new() -> Self {
-        let mut app = app(1);
+        let mut app = app(Threads::Of(1));
         app.insert_resource(SolverSettings { substeps: 1, ..default() });
         let particle = |i| Particle {
             position: Vec3::X * (LENGTH * i as f32 / (Self::PARTICLES - 1) as f32),

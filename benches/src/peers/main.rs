@@ -5,7 +5,6 @@
 mod beam;
 mod crowd;
 mod kernels;
-mod measure;
 mod ours;
 mod rapier;
 mod report;

@@ -3,11 +3,12 @@
 use std::collections::BTreeSet;
 
 use bevy::math::Vec3;
+use polpo_benches::headless::DROP;
 use polpo_rig::{Mesh, Rig};
 use rapier3d_peer::prelude::*;
 
 use crate::ours::{SETTLE, STEP};
-use crate::scene::{DROP, Scene};
+use crate::scene::Scene;
 use crate::shape::{Shape, extent};
 
 /// What Rapier makes a body of.

@@ -1,13 +1,11 @@
 //! Where bodies are put, and what they lie on: the same for both sides.
 
 use bevy::math::Vec3;
-
-/// How far above the floor bodies start \[m\].
-pub(crate) const DROP: f32 = 0.02;
+use polpo_benches::headless::{FLOOR_CENTER, FLOOR_HALF_EXTENTS};
 
 /// Bodies to be dropped.
 pub(crate) struct Scene {
-    /// Above which places: the centre of each body's rig, its lowest particle `DROP` above the floor at height 0 \[m\].
+    /// Above which places: the centre of each body's rig, its lowest particle [`DROP`](polpo_benches::headless::DROP) above the floor at height 0 \[m\].
     pub(crate) places: Vec<Vec3>,
     /// What does not move.
     pub(crate) blocks: Vec<Block>,
@@ -70,7 +68,7 @@ impl Scene {
     }
 }
 
-/// Wide enough for any scene, its top at y = 0. Much wider, and its floats are so coarse that nothing on it comes to rest.
+/// The one that all benches have.
 pub(crate) fn floor() -> Block {
-    Block { center: Vec3::NEG_Y * 0.5, half_extents: Vec3::new(100.0, 0.5, 100.0) }
+    Block { center: FLOOR_CENTER, half_extents: FLOOR_HALF_EXTENTS }
 }

@@ -35,6 +35,21 @@ impl RestVertex {
     pub fn weight(&self, slot: usize) -> f32 {
         half(self.weights, slot) as f32 / 65535.0
     }
+
+    /// The indices of all four influences.
+    pub(crate) fn particles(&self) -> [u16; 4] {
+        halves(self.particles)
+    }
+
+    /// The weights of all four influences \[1\], but for the last bit.
+    pub(crate) fn weights(&self) -> [f32; 4] {
+        halves(self.weights).map(|weight| f32::from(weight) * (1.0 / 65535.0))
+    }
+}
+
+/// The four halves of two words, in one instruction.
+fn halves(words: [u32; 2]) -> [u16; 4] {
+    bytemuck::cast::<[u32; 2], [u16; 4]>(words.map(u32::to_le)).map(u16::from_le)
 }
 
 fn half(words: [u32; 2], slot: usize) -> u32 {

@@ -273,7 +273,7 @@ fn what_comes_and_goes_leaves_no_memory() {
 
 /// What an octopus of 300 particles takes beside others of the same rig, without and with self-contact.
 fn a_body_takes_bounded_memory() {
-    for (contact, most) in [(false, 400), (true, 600)] {
+    for (contact, most) in [(false, 200), (true, 400)] {
         let mut app = app(1);
         asked(&mut app, 60);
         let (before, (_, rig)) = (LIVE.load(Relaxed), octopus_asset());

@@ -45,7 +45,11 @@ fn of(name: &'static str, body: &Body) -> Vec<Kernel> {
     let mut add = |kernel: &'static str, unit, count, repeats, state, run| {
         kernels.push(Kernel { name: kernel, body: name, unit, count, repeats, state, run });
     };
-    add("find_within", "particle", count, 1, lying(), |s| s.finder.find_within(&s.particles, &s.resting, &SEARCH, &mut s.pairs));
+    add("find pairs, anew", "particle", count, 1, lying(), |s| {
+        s.own.clone_from(&s.fresh);
+        s.own.find(&s.particles, &SEARCH, &mut s.finder, &mut s.pairs);
+    });
+    add("find pairs of those near", "particle", count, 1, lying(), |s| s.own.find(&s.particles, &SEARCH, &mut s.finder, &mut s.pairs));
     add("predict", "particle", count, 8, lying(), |s| {
         predict(&mut s.particles, GRAVITY, DT);
     });
@@ -102,7 +106,7 @@ fn pressed(body: &Body) -> (State, usize) {
     }
     predict(&mut particles, GRAVITY, DT);
     let mut state = State::new(body, particles, Contacts::default(), CalibratedEdges::default());
-    state.finder.find_within(&state.particles, &state.resting, &SEARCH, &mut state.pairs);
+    state.own.find(&state.particles, &SEARCH, &mut state.finder, &mut state.pairs);
     state.keep_pairs();
     let count = state.pairs.list.len();
     (state, count)

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3A};
 use polpo_solver::{
-    CalibratedEdges, Contact, Contacts, Edges, ImplicitGroups, Pair, PairFinder, Pairs, Particles, RestPairs, find_support, momentum,
+    CalibratedEdges, Contact, Contacts, Edges, ImplicitGroups, Pair, PairFinder, Pairs, Particles, SelfSearch, find_support, momentum,
 };
 
 use super::Body;
@@ -18,7 +18,8 @@ pub(super) struct State {
     pub(super) calibrated: CalibratedEdges,
     pub(super) scalar_edges: ScalarEdges,
     pub(super) contacts: Contacts,
-    pub(super) resting: RestPairs,
+    pub(super) fresh: SelfSearch,
+    pub(super) own: SelfSearch,
     pub(super) finder: PairFinder,
     pub(super) pairs: Pairs,
     pub(super) support: Vec<Vec3A>,
@@ -42,12 +43,14 @@ impl State {
         let mut groups = body.groups.clone();
         groups.forget_rotations(&particles);
         let mut support = Vec::new();
+        let fresh = SelfSearch::new(&particles, &body.edges.pairs).expect("few particles overlap at rest");
         find_support(&contacts, &particles, DT, &mut support);
         Self {
             scalar_groups: ScalarGroups::new(&groups, &particles),
             scalar_edges: ScalarEdges::new(&calibrated),
             edges: body.edges.clone(),
-            resting: RestPairs::new(&particles, &body.edges.pairs).expect("few particles overlap at rest"),
+            own: fresh.clone(),
+            fresh,
             finder: PairFinder::default(),
             pairs: Pairs::default(),
             support,

@@ -6,8 +6,9 @@ use polpo::prelude::*;
 use polpo::{Contacts, Edges, ImplicitGroups, Particles};
 use polpo_rapier::{ContactDetector, DetectionInput, Obstacles, RapierWorld};
 use polpo_solver::{
-    FreePositions, PAIR_PASSES, PairRules, PairSearch, Pairs, SelfSearch, Shares, Sides, Stiffness, Sweep, damp_internally, find_support,
-    integrate, match_shapes, momentum, predict, restore_angular_momentum, solve_contacts, solve_distances, solve_pairs, solve_torsion,
+    FreePositions, PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, SelfSearch, Shares, Sides, Stiffness, Sweep, damp_internally,
+    find_support, integrate, match_shapes, momentum, predict, restore_angular_momentum, solve_contacts, solve_distances, solve_pairs,
+    solve_torsion,
 };
 
 use crate::ours::{Ours, STEP, collider};
@@ -25,6 +26,7 @@ pub(crate) struct Bare {
     contacts: polpo_solver::Contacts,
     planes: Planes,
     own: SelfSearch,
+    finder: PairFinder,
     pairs: Pairs,
     support: Vec<Vec3A>,
     components: Components,
@@ -85,6 +87,7 @@ impl Bare {
             contacts: default(),
             planes,
             own,
+            finder: default(),
             pairs: default(),
             support: Vec::new(),
             components: Components {
@@ -102,7 +105,7 @@ impl Bare {
     /// The plugin's step.
     pub(crate) fn step(&mut self) {
         let search = PairSearch { dt: STEP, gain: GRAVITY.length() * STEP };
-        self.own.find(&self.particles, &search, &mut self.pairs);
+        self.own.find(&self.particles, &search, &mut self.finder, &mut self.pairs);
         match &mut self.planes {
             Planes::Given(contacts) => self.contacts.clone_from(contacts),
             Planes::Found(detection) => detection.detect(&self.particles, &self.components.collision, &mut self.contacts),

@@ -4,11 +4,11 @@ use std::sync::{Arc, Weak};
 
 use bevy::prelude::*;
 use polpo_rig::Rig;
-use polpo_solver::{EdgeError, Edges, ImplicitGroups, Particles};
+use polpo_solver::{EdgeError, Edges, ImplicitGroups, Particles, SelfSearch, TooDense};
 
-/// The groups and edges of bodies that consist of nothing but a rig's particles and edges.
+/// The groups and edges of bodies that consist of nothing but a rig's particles and edges, and the pairs of their particles that never touch.
 ///
-/// Groups share with their copies what does not change, which is most of them: many bodies of one rig take less memory than each on its own would, and less time to read.
+/// Groups and pairs share with their copies what does not change, which is most of them: many bodies of one rig take less memory than each on its own would, and less time to read.
 #[derive(Resource, Default)]
 pub(crate) struct Prototypes(Vec<Prototype>);
 
@@ -19,6 +19,7 @@ struct Prototype {
     edges: Edges,
     /// Made when the first body wants them.
     groups: Option<ImplicitGroups>,
+    search: Option<SelfSearch>,
 }
 
 impl Prototypes {
@@ -34,6 +35,19 @@ impl Prototypes {
         Ok(groups.clone())
     }
 
+    /// Its search for pairs with itself.
+    pub(crate) fn self_search(&mut self, rig: &Arc<Rig>, particles: &Particles) -> Result<SelfSearch, TooDense> {
+        // Without a prototype if its edges are none: self-contact does not ask for sound ones.
+        let Ok(prototype) = self.of(rig, particles) else {
+            return SelfSearch::new(particles, &rig.edges);
+        };
+        let search = match prototype.search.take() {
+            Some(search) => search,
+            None => SelfSearch::new(particles, &rig.edges)?,
+        };
+        Ok(prototype.search.insert(search).clone())
+    }
+
     fn of(&mut self, rig: &Arc<Rig>, particles: &Particles) -> Result<&mut Prototype, EdgeError> {
         let known = self.0.iter().position(|known| {
             let at_rest = |p: &Particles| {
@@ -47,7 +61,7 @@ impl Prototypes {
             None => {
                 let edges = Edges::new(particles, &rig.edges)?;
                 self.0.retain(|known| known.rig.strong_count() > 0);
-                self.0.push(Prototype { rig: Arc::downgrade(rig), particles: particles.clone(), edges, groups: None });
+                self.0.push(Prototype { rig: Arc::downgrade(rig), particles: particles.clone(), edges, groups: None, search: None });
                 self.0.len() - 1
             }
         };

@@ -2,10 +2,12 @@
 
 use bevy::math::Vec3A;
 use bevy::prelude::*;
-use polpo_solver::{PAIR_PASSES, PairRules, PairSearch, Pairs, SelfSearch, Sides, find_support, solve_pairs};
+use bevy::utils::Parallel;
+use polpo_solver::{PAIR_PASSES, PairFinder, PairRules, PairSearch, Pairs, SelfSearch, Sides, find_support, solve_pairs};
 
 use crate::capability::reject;
 use crate::particles::{Awake, for_each_body};
+use crate::prototypes::Prototypes;
 use crate::recall::KnownPair;
 use crate::{Contacts, Frozen, Gravity, Particles, SoftBody, SubstepTime};
 
@@ -56,11 +58,12 @@ impl SelfPairs {
 /// In phase `Prepare`: bodies with [`SelfContact`] learn which pairs are none, bodies without forget it.
 pub(crate) fn build_self_pairs(
     mut commands: Commands,
+    mut prototypes: ResMut<Prototypes>,
     lacking: Query<(Entity, &SoftBody, &Particles), (With<SelfContact>, Without<SelfPairs>, Without<Frozen>)>,
     idle: Query<Entity, (With<SelfPairs>, Without<SelfContact>)>,
 ) {
     for (entity, body, particles) in &lacking {
-        match SelfSearch::new(particles, &body.rig.edges) {
+        match prototypes.self_search(&body.rig, particles) {
             Ok(search) => {
                 commands.entity(entity).try_insert(SelfPairs { search, ..default() });
             }
@@ -73,14 +76,19 @@ pub(crate) fn build_self_pairs(
 }
 
 /// In phase `DetectContacts`.
-pub(crate) fn find_self_pairs(time: Res<Time>, gravity: Res<Gravity>, mut bodies: Query<(&Particles, &mut SelfPairs), Awake>) {
+pub(crate) fn find_self_pairs(
+    time: Res<Time>,
+    gravity: Res<Gravity>,
+    scratch: Local<Parallel<PairFinder>>,
+    mut bodies: Query<(&Particles, &mut SelfPairs), Awake>,
+) {
     let search = pair_search(&time, &gravity);
     for_each_body(
         &mut bodies,
         |(particles, _)| 100 * particles.len(),
         |(particles, mut own)| {
             let SelfPairs { pairs, search: own, .. } = &mut *own;
-            own.find(particles, &search, pairs);
+            own.find(particles, &search, &mut scratch.borrow_local_mut(), pairs);
         },
     );
 }

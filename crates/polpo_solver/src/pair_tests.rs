@@ -19,7 +19,7 @@ fn search(dt: f32) -> PairSearch {
 
 fn find(p: &Particles, dt: f32) -> Pairs {
     let mut pairs = Pairs::default();
-    SelfSearch::default().find(p, &search(dt), &mut pairs);
+    SelfSearch::default().find(p, &search(dt), &mut PairFinder::default(), &mut pairs);
     pairs
 }
 
@@ -31,7 +31,7 @@ fn solve(pairs: &mut Pairs, p: &mut Particles, rules: &PairRules) {
 
 /// A step of one substep, pairs found anew.
 fn step(p: &mut Particles, pairs: &mut Pairs, gravity: Vec3A, friction: f32, dt: f32) {
-    SelfSearch::default().find(p, &search(dt), pairs);
+    SelfSearch::default().find(p, &search(dt), &mut PairFinder::default(), pairs);
     predict(p, gravity, dt);
     solve(pairs, p, &PairRules { dt, friction, push_speed: 3.0 });
     integrate(p, dt, 0.0);
@@ -331,8 +331,9 @@ fn the_search_finds_what_flies_past() {
 fn a_body_at_rest_has_no_pairs_with_itself() {
     let (p, edges) = blob();
     let mut own = SelfSearch::new(&p, &edges).unwrap();
+    let mut finder = PairFinder::default();
     let mut pairs = Pairs::default();
-    own.find(&p, &search(1.0 / 60.0), &mut pairs);
+    own.find(&p, &search(1.0 / 60.0), &mut finder, &mut pairs);
     let mut p = p;
     let before = p.clone();
     solve(&mut pairs, &mut p, &PairRules { dt: 1.0 / 300.0, friction: 0.5, push_speed: 3.0 });
@@ -340,7 +341,7 @@ fn a_body_at_rest_has_no_pairs_with_itself() {
     for x in &mut p.position {
         *x *= 0.3;
     }
-    own.find(&p, &search(1.0 / 60.0), &mut pairs);
+    own.find(&p, &search(1.0 / 60.0), &mut finder, &mut pairs);
     assert!(!pairs.list.is_empty() && edges.iter().all(|&[i, j]| pairs.list.iter().all(|pair| pair.particles != [i.min(j), i.max(j)])));
 }
 
@@ -350,6 +351,7 @@ fn what_is_found_does_not_depend_on_when_it_was_searched_for() {
     let (mut p, edges) = blob();
     let mut random = Random(9);
     let mut own = SelfSearch::new(&p, &edges).unwrap();
+    let mut finder = PairFinder::default();
     let (mut kept, mut anew) = (Pairs::default(), Pairs::default());
     let mut found = 0;
     for step in 0..300 {
@@ -366,8 +368,8 @@ fn what_is_found_does_not_depend_on_when_it_was_searched_for() {
         if step == 210 {
             p.position[3] = Vec3A::ZERO;
         }
-        own.find(&p, &search(dt), &mut kept);
-        SelfSearch::new(&p, &edges).unwrap().find(&p, &search(dt), &mut anew);
+        own.find(&p, &search(dt), &mut finder, &mut kept);
+        SelfSearch::new(&p, &edges).unwrap().find(&p, &search(dt), &mut PairFinder::default(), &mut anew);
         found += kept.list.len();
         assert_eq!(kept, anew, "step {step}");
     }
@@ -425,7 +427,7 @@ fn what_lies_on_the_ground_bears_what_lies_on_it() {
         };
         let (mut contacts, mut pairs, mut support) = (Contacts { list: vec![plane] }, Pairs::default(), Vec::new());
         for _ in 0..600 {
-            SelfSearch::default().find(&p, &search(dt), &mut pairs);
+            SelfSearch::default().find(&p, &search(dt), &mut PairFinder::default(), &mut pairs);
             predict(&mut p, G, dt);
             if knows {
                 find_support(&contacts, &p, dt, &mut support);

@@ -88,17 +88,17 @@ const SUDDEN: f32 = 0.1;
 /// Overlaps not deeper than this share of the thickness are skin on skin again.
 const SKIN: f32 = 0.05;
 
-/// Finds the pairs of two bodies. Its scratch memory: reuse it, so that a warmed-up step allocates nothing.
+/// Finds the pairs of two bodies; lends its memory to [`SelfSearch`](crate::SelfSearch). Reuse it, so that a warmed-up step allocates nothing.
 ///
 /// Each particle is its enveloping sphere on its way through the step, with a margin; what meets is a candidate, and candidates whose paths come near enough at the same time are pairs. So a particle that flies
 /// through another within the step is found.
 #[derive(Clone, Debug, Default)]
 pub struct PairFinder {
-    broad: BroadPhase,
+    pub(crate) broad: BroadPhase,
     boxes: Vec<Bounds>,
     /// Which particle each box is of, the second body's counted on from the first's.
     owners: Vec<u32>,
-    keys: Vec<u64>,
+    pub(crate) keys: Vec<u64>,
 }
 
 impl PairFinder {
@@ -211,6 +211,12 @@ impl Pairs {
             }
             list.push(pair);
         }
+    }
+
+    /// Makes room for `count` pairs.
+    pub(crate) fn reserve(&mut self, count: usize) {
+        self.list.reserve(count.saturating_sub(self.list.len()));
+        self.before.reserve(count.saturating_sub(self.before.len()));
     }
 
     /// Whether any pair overlaps by more than `limit` times its thickness.

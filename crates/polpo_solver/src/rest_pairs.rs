@@ -64,19 +64,11 @@ impl RestPairs {
         }
         keys.sort_unstable();
         keys.dedup();
-        let mut rows = vec![0u32; n + 1];
-        let mut partners = Vec::with_capacity(keys.len());
-        for k in keys {
-            let (i, j) = ((k >> 32) as usize, k as u32);
-            if (j as usize) < n {
-                rows[i + 1] += 1;
-                partners.push(j);
-            }
-        }
-        for i in 0..n {
-            rows[i + 1] += rows[i];
-        }
-        Ok(Self { rows, partners })
+        // An edge may lead to a particle that does not exist.
+        keys.retain(|&k| (k as u32 as usize) < n);
+        let mut this = Self::default();
+        fill_rows(n, &keys, &mut this.rows, &mut this.partners);
+        Ok(this)
     }
 
     /// Whether `i` and `j`, i < j, are left out.
@@ -88,4 +80,19 @@ impl RestPairs {
             _ => false,
         }
     }
+}
+
+/// Sorted `keys` of particles below `count` as compressed rows: the partners of i are `partners[rows[i]..rows[i + 1]]`.
+pub(crate) fn fill_rows(count: usize, keys: &[u64], rows: &mut Vec<u32>, partners: &mut Vec<u32>) {
+    rows.clear();
+    rows.resize(count + 1, 0);
+    for k in keys {
+        rows[(k >> 32) as usize + 1] += 1;
+    }
+    for i in 0..count {
+        rows[i + 1] += rows[i];
+    }
+    partners.clear();
+    partners.reserve_exact(keys.len());
+    partners.extend(keys.iter().map(|&k| k as u32));
 }

@@ -1,10 +1,12 @@
 //! Which particles of one body may touch each other in a step.
 
+use std::sync::Arc;
+
 use glam::Vec3A;
 
 use crate::pairs::{MOST, key, mean_velocity, meet_in_step, swept};
-use crate::rest_pairs::RestPairs;
-use crate::{Bounds, BroadPhase, PairSearch, Pairs, Particles, TooDense};
+use crate::rest_pairs::{RestPairs, fill_rows};
+use crate::{Bounds, PairFinder, PairSearch, Pairs, Particles, TooDense};
 
 /// The search for the pairs of one body with itself.
 ///
@@ -15,58 +17,71 @@ use crate::{Bounds, BroadPhase, PairSearch, Pairs, Particles, TooDense};
 /// What is joined that closely is held apart by the body's stiffness; a contact on top would only quarrel with it.
 #[derive(Clone, Debug, Default)]
 pub struct SelfSearch {
-    resting: RestPairs,
-    broad: BroadPhase,
+    /// Shared by clones.
+    resting: Arc<RestPairs>,
     /// The particles' boxes when those near were searched for, grown.
     around: Vec<Bounds>,
-    /// Keys of those near, sorted.
-    near: Vec<u64>,
+    /// Those near particle i with higher indices, sorted, are `near[rows[i]..rows[i + 1]]`.
+    rows: Vec<u32>,
+    near: Vec<u32>,
 }
 
 /// Boxes are grown by this share of their particle's radius: the less, the sooner they are left; the more, the more are near.
 const MARGIN: f32 = 0.25;
 
+/// Room from the start for so many near each particle, and for so many pairs a particle: what a body has that lies on itself. In a knot the lists grow.
+const ROOM: usize = 8;
+const PAIRS: usize = 2;
+
 impl SelfSearch {
-    /// For a body of `particles` with the edges `edges`; an edge to a particle that does not exist is ignored.
+    /// For a body of `particles` with the edges `edges`; an edge to a particle that does not exist is ignored. A clone serves another body with the same particles at rest and the same edges.
     ///
     /// # Errors
     ///
     /// If more than 256 pairs a particle (and more than half a million) overlap at rest.
     pub fn new(particles: &Particles, edges: &[[u32; 2]]) -> Result<Self, TooDense> {
-        Ok(Self { resting: RestPairs::new(particles, edges)?, ..Self::default() })
+        Ok(Self { resting: RestPairs::new(particles, edges)?.into(), ..Self::default() })
     }
 
-    /// Fills `pairs` for a step.
-    pub fn find(&mut self, p: &Particles, search: &PairSearch, pairs: &mut Pairs) {
+    /// Fills `pairs` for a step. `finder` is scratch memory only.
+    pub fn find(&mut self, p: &Particles, search: &PairSearch, finder: &mut PairFinder, pairs: &mut Pairs) {
         let frame = mean_velocity(p);
         let swept = |i| swept(p, i, Vec3A::ZERO, frame, search);
         let most = MOST * p.len();
         let known = self.around.len() == p.len() && self.around.iter().enumerate().all(|(i, around)| around.holds(&swept(i)));
         if !known {
+            pairs.reserve(PAIRS * p.len());
             self.around.clear();
+            self.around.reserve_exact(p.len());
             self.around.extend((0..p.len()).map(|i| swept(i).grown(MARGIN * p.radii[i].max_element())));
-            self.look_around(most, |_, _| true);
+            self.look_around(most, finder, |_, _| true);
         }
         let meet = |i: u32, j: u32| meet_in_step(p, i as usize, p, j as usize, Vec3A::ZERO, search);
         if self.near.len() >= most {
             // A body that has collapsed: it is searched anew in every step, for what meets in it.
-            self.look_around(most, meet);
+            self.look_around(most, finder, meet);
             self.around.clear();
         }
-        pairs.refill(self.near.iter().copied().filter(|&k| meet((k >> 32) as u32, k as u32)), p, p, Vec3A::ZERO);
+        let near = (0u32..)
+            .zip(self.rows.windows(2))
+            .flat_map(|(i, row)| self.near[row[0] as usize..row[1] as usize].iter().map(move |&j| (i, j)));
+        pairs.refill(near.filter(|&(i, j)| meet(i, j)).map(|(i, j)| key(i, j)), p, p, Vec3A::ZERO);
         pairs.way_out = None;
     }
 
     /// Searches for those near that `count`, up to so many.
-    fn look_around(&mut self, most: usize, count: impl Fn(u32, u32) -> bool) {
-        let Self { resting, broad, around, near } = self;
-        near.clear();
-        broad.pairs(around, |i, j| {
-            if !resting.contains(i, j) && count(i, j) {
-                near.push(key(i, j));
+    fn look_around(&mut self, most: usize, finder: &mut PairFinder, count: impl Fn(u32, u32) -> bool) {
+        let PairFinder { broad, keys, .. } = finder;
+        keys.clear();
+        broad.pairs(&self.around, |i, j| {
+            if !self.resting.contains(i, j) && count(i, j) {
+                keys.push(key(i, j));
             }
-            near.len() < most
+            keys.len() < most
         });
-        near.sort_unstable();
+        keys.sort_unstable();
+        self.near.clear();
+        self.near.reserve(ROOM * self.around.len());
+        fill_rows(self.around.len(), keys, &mut self.rows, &mut self.near);
     }
 }

@@ -342,7 +342,7 @@ proptest! {
         let mut random = Random(seed);
         let mut p = crowd(&mut random, 8, round);
         let mut found = Pairs::default();
-        SelfSearch::default().find(&p, &PairSearch { dt: DT, gain: 0.1 }, &mut found);
+        SelfSearch::default().find(&p, &PairSearch { dt: DT, gain: 0.1 }, &mut PairFinder::default(), &mut found);
         let (before, scale, rules) = (carried(&p, &p.position), scale_of(&p), rules(&mut random));
         for pass in 0..PAIR_PASSES {
             solve_pairs(&mut found, &mut Sides::Within { particles: &mut p, support: &[] }, &rules, pass);

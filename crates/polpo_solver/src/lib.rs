@@ -23,6 +23,9 @@ mod batches;
 #[cfg(test)]
 mod beam_tests;
 mod block_cholesky;
+#[cfg(test)]
+mod block_tests;
+mod blocks;
 mod broad_phase;
 mod calibrated_edges;
 mod check;
@@ -83,6 +86,7 @@ mod rolling_tests;
 mod rotation;
 mod shape_matching;
 mod soft_groups;
+mod solve_blocks;
 mod solve_contacts;
 mod solve_pairs;
 mod stiffness;
@@ -94,6 +98,7 @@ mod torsion;
 mod wind;
 mod workless;
 
+pub use blocks::{Block, Blocks};
 pub use broad_phase::{Bounds, BroadPhase};
 pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
 pub use check::StateError;
@@ -126,6 +131,7 @@ pub use rigid_groups::{hold_explicit_groups, match_explicit_groups, predict_expl
 pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use shape_matching::{Turning, match_shapes};
+pub use solve_blocks::{Constraints, Executor, InTurn, forget_block_rotations, solve_blocks};
 pub use solve_contacts::{solve_contacts, solve_contacts_beside};
 pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};

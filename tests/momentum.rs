@@ -111,7 +111,8 @@ fn a_large_body() {
     let mut app = weightless();
     let body = app.world_mut().spawn((SoftBody::new(shaken(18)), MOTION)).id();
     stretch(&mut app, body);
-    fly("large body", &mut app, &[body], [3e-5, 3e-5]);
+    // 2e-7 and 2.6e-5: more roundings still where the angular momentum is summed up.
+    fly("large body", &mut app, &[body], [1e-5, 6e-5]);
     assert!(app.world().get::<Blocks>(body).unwrap().len() >= 4);
 }
 

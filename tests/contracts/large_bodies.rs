@@ -18,7 +18,7 @@ fn scene(app: &mut App, iterations: u32) {
     app.insert_resource(SolverSettings { iterations, ..default() });
     app.world_mut().resource_mut::<RapierWorld>().insert_fixed(ColliderBuilder::cuboid(50.0, 0.5, 50.0).translation(Vec3::NEG_Y * 0.5));
     let (rig, small) = (Arc::new(shaken(18)), Arc::new(lattice(0.1)));
-    let mut place = |k: usize, rig: &Arc<Rig>| {
+    let place = |k: usize, rig: &Arc<Rig>| {
         let velocity = InitialVelocity { linear: Vec3::new(0.5, -3.0, 0.2), angular: Vec3::new(0.5, 1.0, -0.3 * k as f32) };
         (SoftBody::new(rig.clone()), Transform::from_xyz(4.0 * k as f32, 1.0, 0.0), velocity)
     };

@@ -4,7 +4,7 @@ use bevy::ecs::change_detection::Tick;
 use bevy::ecs::system::SystemChangeTick;
 use bevy::prelude::*;
 use bevy::tasks::ComputeTaskPool;
-use polpo_solver::{Constraints, Executor, Share, Shares, Turning, solve_blocks};
+use polpo_solver::{Constraints, Executor, Share, Shares, Turning};
 
 use crate::particles::Awake;
 use crate::stiffness::shares_of;
@@ -101,7 +101,7 @@ pub(crate) fn forget_rotations(mut bodies: Query<(&Particles, &mut Blocks), Awak
 }
 
 /// In phase `SolveConstraints`, in every iteration, in place of what solves shapes, distances and torsion of bodies in one piece.
-pub(crate) fn solve_large(
+pub(crate) fn solve_blocks(
     time: Res<SubstepTime>,
     ticks: SystemChangeTick,
     mut bodies: Query<
@@ -139,7 +139,7 @@ pub(crate) fn solve_large(
             compression: distance.map_or_else(off, |d| shares_of(each_compression, d.compression, dt)),
             torsion: torsion.map_or_else(off, |t| shares_of(each_torsion, t.stiffness, dt)),
         };
-        solve_blocks(blocks, &mut particles, &constraints, sweep, &Pool);
+        polpo_solver::solve_blocks(blocks, &mut particles, &constraints, sweep, &Pool);
         if plastic && let Some(groups) = &mut groups {
             blocks.tell_rotations(groups.bypass_change_detection());
         }

@@ -6,11 +6,11 @@
 //!                                 │
 //! SubstepSchedule, × substeps     └ Predict → SolveConstraints → SolveContacts → Integrate
 //!                                                  │
-//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion → solve_rods → match_explicit
+//! ConstraintSchedule, × iterations                 └ solve_blocks or match_shapes → solve_distances → solve_torsion → solve_rods → match_explicit
 //! ```
 //!
 //! The two inner schedules run on the single-threaded executor, which costs a tenth of a microsecond a run; the multi-threaded one would cost more than a body. Systems go parallel over bodies by
-//! themselves when there is enough work for it.
+//! themselves when there is enough work for it, and inside large bodies ([`Blocks`](crate::Blocks)).
 
 use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::{ScheduleLabel, SingleThreadedExecutor};
@@ -237,7 +237,7 @@ impl Plugin for PolpoPlugin {
             .add_systems(
                 ConstraintSchedule,
                 (
-                    blocks::solve_large,
+                    blocks::solve_blocks,
                     shape_matching::match_shapes,
                     distance::solve_distances,
                     torsion::solve_torsion,

@@ -19,7 +19,7 @@ const THICKNESS: f32 = 2.2;
 /// so those of one colour can be solved side by side with the same result to the bit; slabs mostly need two colours. How a body is cut depends on its places at rest, its groups and its edges alone, not on how its particles are
 /// numbered and not on threads.
 ///
-/// Blocks are made from groups and edges and have to [`follow`](Self::follow) them: they have rest places, lengths and what rests of their own. [`solve_blocks`](crate::solve_blocks) does what
+/// Blocks are made from groups and edges and have to [`follow`](Self::follow) them: they have rest places, lengths and what rests of their own. The groups' rotations are theirs too, see [`tell_rotations`](Self::tell_rotations). [`solve_blocks`](crate::solve_blocks) does what
 /// [`match_shapes`](crate::match_shapes()), [`solve_distances`](crate::solve_distances) and [`solve_torsion`](crate::solve_torsion) do, in another order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Blocks {

@@ -9,6 +9,8 @@
 //! integrate          drag; velocities were summed up where particles were moved
 //! ```
 //!
+//! The constraints of a large body can be solved in [`Blocks`], on threads of the caller's.
+//!
 //! Every stage is a function on the slices of [`Particles`] and the data of one capability ([`ImplicitGroups`], [`Edges`], [`Contacts`]). Nothing here knows an ECS, a file, a
 //! thread or a clock, and nothing calls the platform's transcendental functions: the same input gives the same bits on every run and any number of threads, and, if [`Sweep::deterministic`] is set, everywhere `f32` arithmetic is IEEE 754.
 //! Without it processors with a fused multiply-add use it.

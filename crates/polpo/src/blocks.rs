@@ -13,7 +13,7 @@ use crate::{
     SubstepTime, Torsion,
 };
 
-/// The groups and edges of a body of [`LARGE`](Self::LARGE) particles and more, cut into blocks that threads solve side by side. There while the body has [`ImplicitGroups`] or [`Edges`].
+/// The groups and edges of a body of [`LARGE`](Self::LARGE) particles and more, cut into blocks that threads solve side by side. Comes with every such body, and with no other.
 ///
 /// Such a body's [`ShapeMatching`], [`DistanceConstraints`] and [`Torsion`] are solved together, block by block, with the same result for any number of threads; whatever else it has works as in a small one. It is the number of
 /// particles alone that decides: a body of one particle less is solved in another order, which shows as another numbering of its particles would.
@@ -33,7 +33,7 @@ impl Blocks {
         self.blocks.len()
     }
 
-    /// Whether there are none, as in a body without edges.
+    /// Whether there are none: before the first step, and while the body has neither [`ImplicitGroups`] nor [`Edges`].
     pub fn is_empty(&self) -> bool {
         self.blocks.is_empty()
     }
@@ -56,18 +56,15 @@ impl Executor for Pool {
 
 /// In phase `Prepare`, when groups and edges are there: large bodies are cut.
 pub(crate) fn build_blocks(
-    mut commands: Commands,
     ticks: SystemChangeTick,
-    lacking: Query<
-        (Entity, &Particles, Option<&ImplicitGroups>, Option<&Edges>),
-        (Or<(With<ImplicitGroups>, With<Edges>)>, Without<Blocks>, Without<Frozen>),
-    >,
+    mut bodies: Query<(&Particles, &mut Blocks, Option<&ImplicitGroups>, Option<&Edges>), Without<Frozen>>,
 ) {
-    for (entity, particles, groups, edges) in &lacking {
-        if particles.len() >= Blocks::LARGE {
+    for (particles, mut blocks, groups, edges) in &mut bodies {
+        let something = groups.is_some_and(|g| !g.is_empty()) || edges.is_some_and(|e| !e.is_empty());
+        if blocks.is_empty() && something {
             let (no_groups, no_edges) = default();
-            let blocks = polpo_solver::Blocks::new(particles, groups.map_or(&no_groups, |g| &g.0), edges.map_or(&no_edges, |e| &e.0));
-            commands.entity(entity).try_insert(Blocks { blocks, seen: ticks.this_run() });
+            let new = polpo_solver::Blocks::new(particles, groups.map_or(&no_groups, |g| &g.0), edges.map_or(&no_edges, |e| &e.0));
+            *blocks = Blocks { blocks: new, seen: ticks.this_run() };
         }
     }
 }
@@ -80,12 +77,9 @@ pub(crate) fn watch_sources(app: &mut App) {
         .add_observer(cut_anew::<Remove, Edges>);
 }
 
-fn cut_anew<E: EntityEvent, T: Component>(event: On<E, T>, mut commands: Commands, blocks: Query<(), With<Blocks>>) {
-    let entity = event.event_target();
-    if blocks.contains(entity)
-        && let Ok(mut body) = commands.get_entity(entity)
-    {
-        body.try_remove::<Blocks>();
+fn cut_anew<E: EntityEvent, T: Component>(event: On<E, T>, mut blocks: Query<&mut Blocks>) {
+    if let Ok(mut blocks) = blocks.get_mut(event.event_target()) {
+        *blocks = Blocks::default();
     }
 }
 

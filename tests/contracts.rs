@@ -24,6 +24,8 @@ mod free_flight;
 mod groups_in_parallel;
 #[path = "contracts/joints.rs"]
 mod joints;
+#[path = "contracts/large_bodies.rs"]
+mod large_bodies;
 #[path = "contracts/last_look.rs"]
 mod last_look;
 #[path = "contracts/octopus_scene.rs"]

@@ -5,10 +5,10 @@
 use bevy::math::{DVec3, Vec3A};
 use bevy::prelude::*;
 use polpo::prelude::*;
-use polpo::{BodyPairs, ExplicitGroup, ExplicitGroups, Material, Particles, Rods, Section, SelfPairs};
+use polpo::{Blocks, BodyPairs, ExplicitGroup, ExplicitGroups, Material, Particles, Rods, Section, SelfPairs};
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_scenes::octopus_asset;
-use polpo_tests::{lattice, simulation, steps};
+use polpo_tests::{lattice, shaken, simulation, steps};
 
 const TEN_SECONDS: usize = 600;
 
@@ -103,6 +103,17 @@ fn an_octopus() {
     stretch(&mut app, body);
     // 1.6e-5 and 1.1e-5: more particles and edges, more roundings.
     fly("octopus", &mut app, &[body], [3e-5, 3e-5]);
+}
+
+/// One that is solved in blocks.
+#[test]
+fn a_large_body() {
+    let mut app = weightless();
+    let body = app.world_mut().spawn((SoftBody::new(shaken(18)), MOTION)).id();
+    stretch(&mut app, body);
+    // 2e-7 and 2.6e-5: more roundings still where the angular momentum is summed up.
+    fly("large body", &mut app, &[body], [1e-5, 6e-5]);
+    assert!(app.world().get::<Blocks>(body).unwrap().len() >= 4);
 }
 
 #[test]

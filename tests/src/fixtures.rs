@@ -6,6 +6,8 @@ use polpo::{Particles, SoftBody, state_hash};
 use polpo_rig::{MeshHash, Particle, Rig};
 use polpo_scenes::SimulationPlugins;
 
+use crate::Random;
+
 /// A 3×3×3 lattice of balls of 10 g, `spacing` \[m\] apart, joined along its axes and face diagonals. It has no skin.
 pub fn lattice(spacing: f32) -> Rig {
     balls(3, spacing, 0.01)
@@ -14,6 +16,15 @@ pub fn lattice(spacing: f32) -> Rig {
 /// A cube of `n`³ balls that touch, of side `side` \[m\] and mass `mass` \[kg\] together, joined along axes and face diagonals. It has no skin.
 pub fn cube(n: usize, side: f32, mass: f32) -> Rig {
     balls(n, side / n as f32, mass / (n * n * n) as f32)
+}
+
+/// A cube of `n`³ balls of 10 cm and 0.5 kg, a little out of their lattice, joined along axes and face diagonals. It has no skin. From 18³ on it is a large body, see [`Blocks`](polpo::Blocks).
+pub fn shaken(n: usize) -> Rig {
+    let (mut rig, mut random) = (balls(n, 0.1, 0.5), Random(42));
+    for particle in &mut rig.particles {
+        particle.position += 0.005 * random.vector();
+    }
+    rig
 }
 
 fn balls(n: usize, spacing: f32, mass: f32) -> Rig {

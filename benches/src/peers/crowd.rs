@@ -1,12 +1,14 @@
-//! A crowd of octopuses in a process of its own: how many threads a process has is settled with its first world.
+//! A crowd of octopuses, or one large body, in a process of its own: how many threads a process has is settled with its first world.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
+use polpo::prelude::SelfContact;
 use polpo::{Particles, SoftBody, state_hash};
-use polpo_benches::octopus;
+use polpo_benches::{cube, octopus};
 
 use crate::ours::Ours;
 use crate::scene::Scene;
@@ -15,9 +17,14 @@ use crate::scene::Scene;
 const COUNT: usize = 333;
 
 /// A step for every line of standard input; answers with what it took \[ns\] and the hash of all bodies.
-pub(crate) fn serve(threads: usize) -> io::Result<()> {
-    let (_, rig) = octopus();
-    let mut crowd = Ours::with_threads(threads, &rig, &Scene::apart(COUNT), |_| {}).settled();
+///
+/// A crowd, or one body of `side`³ particles that does not touch itself.
+pub(crate) fn serve(threads: usize, side: Option<usize>) -> io::Result<()> {
+    let crowd = match side {
+        Some(side) => Ours::with_threads(threads, &Arc::new(cube(side)), &Scene::apart(1), |body| _ = body.remove::<SelfContact>()),
+        None => Ours::with_threads(threads, &octopus().1, &Scene::apart(COUNT), |_| {}),
+    };
+    let mut crowd = crowd.settled();
     let mut out = io::stdout().lock();
     for line in io::stdin().lock().lines() {
         line?;
@@ -40,10 +47,12 @@ pub(crate) struct Crowd {
 }
 
 impl Crowd {
-    /// Starts one on so many threads.
-    pub(crate) fn start(threads: usize) -> io::Result<Self> {
+    /// Starts one on so many threads, or a body of `side`³ particles.
+    pub(crate) fn start(threads: usize, side: Option<usize>) -> io::Result<Self> {
+        let side = side.map(|side| ["--side".to_owned(), side.to_string()]);
         let mut child = Command::new(std::env::current_exe()?)
             .args(["--crowd", &threads.to_string()])
+            .args(side.iter().flatten())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()?;

@@ -3,6 +3,7 @@
 //! All on one thread, at 60 steps a second. A row's two cases are stepped in turns, so that whatever else the machine does falls on both.
 
 mod beam;
+mod constrained;
 mod crowd;
 mod kernels;
 mod ours;
@@ -33,12 +34,15 @@ struct Arguments {
     /// Step a crowd on so many threads, a step a line on standard input, and write what each took: how one process measures another's threads.
     #[arg(long, value_name = "THREADS", hide = true, value_parser = clap::value_parser!(u32).range(1..=256))]
     crowd: Option<u32>,
+    /// Not a crowd but one body of so many particles a side.
+    #[arg(long, value_name = "COUNT", hide = true, value_parser = clap::value_parser!(u32).range(2..=200))]
+    side: Option<u32>,
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     if let Some(threads) = arguments.crowd {
-        return finish(crowd::serve(threads as usize).map_err(|e| e.to_string()));
+        return finish(crowd::serve(threads as usize, arguments.side.map(|side| side as usize)).map_err(|e| e.to_string()));
     }
     let only = arguments.only.as_deref().unwrap_or_default();
     let chosen: Vec<_> = rows::ROWS.iter().filter(|row| row.name.contains(only)).collect();

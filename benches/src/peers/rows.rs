@@ -12,6 +12,7 @@ use polpo_rig::{Mesh, Rig, RigSettings, build_rig};
 use rapier3d_peer::prelude::SoftBodySolver;
 
 use crate::beam::{OurBeam, TheirBeam, exact_sag};
+use crate::constrained::Constrained;
 use crate::crowd::Crowd;
 use crate::kernels::Bare;
 use crate::ours::{Ours, STEP};
@@ -92,7 +93,7 @@ impl Measured {
 
 use Wanted::{AtLeast, AtMost};
 
-pub(crate) const ROWS: [Row; 25] = [
+pub(crate) const ROWS: [Row; 29] = [
     Row { name: "octopus/jelly", wanted: AtLeast(15.0), measure: || octopuses(1, Jelly, Usual, 200) },
     Row { name: "octopus/jelly, thin skin", wanted: AtLeast(15.0), measure: || octopuses(1, Jelly, Thin, 200) },
     Row { name: "octopus/springs", wanted: AtLeast(15.0), measure: || octopuses(1, Springs, Usual, 200) },
@@ -117,7 +118,11 @@ pub(crate) const ROWS: [Row; 25] = [
     Row { name: "100 octopuses: asleep/awake", wanted: AtMost(0.01), measure: asleep },
     Row { name: "step/kernels", wanted: AtMost(1.15), measure: || kernels(Bare::on_given_planes) },
     Row { name: "step/kernels and contact detection", wanted: AtMost(1.15), measure: || kernels(Bare::on_floor) },
-    Row { name: "333 octopuses: 1 thread/2", wanted: AtLeast(1.7), measure: threads },
+    Row { name: "333 octopuses: 1 thread/2", wanted: AtLeast(1.7), measure: || threads(None, 60) },
+    Row { name: "one body of 10,648: 1 thread/2", wanted: AtLeast(1.5), measure: || threads(Some(22), 200) },
+    Row { name: "one body of 97,336: 1 thread/2", wanted: AtLeast(1.5), measure: || threads(Some(46), 20) },
+    Row { name: "10,648 particles: blocks/whole", wanted: AtMost(1.1), measure: || in_blocks(22, 200) },
+    Row { name: "97,336 particles: blocks/whole", wanted: AtMost(1.1), measure: || in_blocks(46, 20) },
 ];
 
 fn unchanged(_: &mut EntityWorldMut) {}
@@ -257,13 +262,21 @@ fn kernels(bare: fn(&Ours) -> Bare) -> Measured {
     Measured::new(&times, quality, (a - b).abs() < 0.01)
 }
 
-fn threads() -> Measured {
-    const ROUNDS: usize = 60;
+/// The constraints of a cube of `side`³ particles, in blocks beside in one piece, on one thread.
+fn in_blocks(side: usize, rounds: usize) -> Measured {
+    let mut cases = [Constrained::new(side, true), Constrained::new(side, false)];
+    let [blocks, whole] = &mut cases;
+    let times = in_turns(rounds, || blocks.solve(), || whole.solve());
+    let apart = cases[0].distance(&cases[1]);
+    Measured::new(&times, format!("{} blocks, places differ by {apart:.1e} m", cases[0].block_count()), apart < 0.01)
+}
+
+fn threads(side: Option<usize>, rounds: usize) -> Measured {
     let run = || -> std::io::Result<Measured> {
-        let (mut one, mut two) = (Crowd::start(1)?, Crowd::start(2)?);
+        let (mut one, mut two) = (Crowd::start(1, side)?, Crowd::start(2, side)?);
         let mut times = <[Times; 2]>::default();
         let mut same = true;
-        for _ in 0..ROUNDS {
+        for _ in 0..rounds {
             let (b, a) = (two.step()?, one.step()?);
             times[0].note(b.0);
             times[1].note(a.0);

@@ -9,8 +9,8 @@ use polpo_solver::{ParticleError, ParticleRest};
 
 use crate::recall::Recall;
 use crate::{
-    BodyContact, Collision, ContactMemory, Contacts, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching, Sleep,
-    Sleeping, StepStart, Torsion,
+    Blocks, BodyContact, Collision, ContactMemory, Contacts, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching,
+    Sleep, Sleeping, StepStart, Torsion,
 };
 
 /// Makes an entity a soft body.
@@ -85,7 +85,8 @@ pub struct SoftBodyRejected {
 }
 
 /// What the capabilities of a body have made from its particles; made anew when these are.
-type Built = (crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs, Recall);
+type Built =
+    (Blocks, crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs, Recall);
 
 /// Builds the particles as soon as a [`SoftBody`] is inserted.
 pub(crate) fn build_body(
@@ -114,6 +115,9 @@ pub(crate) fn build_body(
             // A new one may be spawned asleep or frozen.
             if anew {
                 entity.remove::<(Frozen, Sleeping)>();
+            }
+            if particles.len() >= Blocks::LARGE {
+                entity.try_insert(Blocks::default());
             }
             entity.try_insert((Particles(particles), start));
         }

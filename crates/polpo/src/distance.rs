@@ -5,7 +5,7 @@ use polpo_solver::Stiffness;
 
 use crate::particles::{Awake, for_each_body};
 use crate::stiffness::shares_of;
-use crate::{EdgeStiffness, Edges, Particles, SubstepTime};
+use crate::{Blocks, EdgeStiffness, Edges, Particles, SubstepTime};
 
 /// The edges of a body resist stretching and compression. Comes with every [`SoftBody`](crate::SoftBody).
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -31,7 +31,7 @@ impl Default for DistanceConstraints {
 
 pub(crate) fn solve_distances(
     time: Res<SubstepTime>,
-    mut bodies: Query<(&mut Particles, &mut Edges, &DistanceConstraints, Option<&mut EdgeStiffness>), Awake>,
+    mut bodies: Query<(&mut Particles, &mut Edges, &DistanceConstraints, Option<&mut EdgeStiffness>), (Awake, Without<Blocks>)>,
 ) {
     let sweep = time.sweep();
     for_each_body(

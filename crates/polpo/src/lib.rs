@@ -30,6 +30,7 @@
 //!
 //! The step runs in `FixedPostUpdate`, or in any schedule named in [`PolpoPlugin::new`]; [`PolpoSystems`] lists its phases in their order, and a system of yours may go between any two.
 
+mod blocks;
 mod bodies;
 mod body_contact;
 mod capability;
@@ -67,6 +68,7 @@ mod writeback;
 #[cfg(feature = "render")]
 pub mod render;
 
+pub use blocks::Blocks;
 pub use bodies::{InitialVelocity, RejectReason, SoftBody, SoftBodyRejected};
 pub use body_contact::{BodyContact, BodyPair, BodyPairs};
 pub use capability::{CapabilityError, CapabilityRejected};

@@ -6,11 +6,11 @@
 //!                                 │
 //! SubstepSchedule, × substeps     └ Predict → SolveConstraints → SolveContacts → Integrate
 //!                                                  │
-//! ConstraintSchedule, × iterations                 └ match_shapes → solve_distances → solve_torsion → solve_rods → match_explicit
+//! ConstraintSchedule, × iterations                 └ solve_blocks or match_shapes → solve_distances → solve_torsion → solve_rods → match_explicit
 //! ```
 //!
 //! The two inner schedules run on the single-threaded executor, which costs a tenth of a microsecond a run; the multi-threaded one would cost more than a body. Systems go parallel over bodies by
-//! themselves when there is enough work for it.
+//! themselves when there is enough work for it, and inside large bodies ([`Blocks`](crate::Blocks)).
 
 use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::{ScheduleLabel, SingleThreadedExecutor};
@@ -18,8 +18,8 @@ use bevy::prelude::*;
 use polpo_solver::Sweep;
 
 use crate::{
-    bodies, body_contact, collision, damping, distance, explicit_groups, freeze, grab, integrate, keep_momentum, parameters, particles,
-    pins, plasticity, predict, recall, rest_pose, rider, rods, self_contact, shape_matching, sleep, torsion, wind, writeback,
+    blocks, bodies, body_contact, collision, damping, distance, explicit_groups, freeze, grab, integrate, keep_momentum, parameters,
+    particles, pins, plasticity, predict, recall, rest_pose, rider, rods, self_contact, shape_matching, sleep, torsion, wind, writeback,
 };
 
 /// Soft bodies: adds the step to a schedule.
@@ -162,6 +162,7 @@ impl Plugin for PolpoPlugin {
                         rest_pose::pose_bodies,
                         self_contact::build_self_pairs,
                         recall::recall,
+                        blocks::build_blocks,
                         rods::check_substeps,
                         pins::hold_pins,
                         particles::remember_step_start,
@@ -173,7 +174,7 @@ impl Plugin for PolpoPlugin {
                         .in_set(PolpoSystems::FindPairs)
                         .in_set(PolpoSystems::DetectContacts),
                     // After the contacts, whose search wakes bodies.
-                    (shape_matching::forget_rotations, run_substeps).chain().in_set(PolpoSystems::Substeps),
+                    (shape_matching::forget_rotations, blocks::forget_rotations, run_substeps).chain().in_set(PolpoSystems::Substeps),
                     (
                         freeze::freeze_broken_bodies,
                         writeback::follow_center_of_mass,
@@ -188,6 +189,7 @@ impl Plugin for PolpoPlugin {
             );
 
         sleep::watch_removals(app);
+        blocks::watch_sources(app);
 
         app.init_schedule(SubstepSchedule)
             .edit_schedule(SubstepSchedule, |schedule| {
@@ -235,6 +237,7 @@ impl Plugin for PolpoPlugin {
             .add_systems(
                 ConstraintSchedule,
                 (
+                    blocks::solve_blocks,
                     shape_matching::match_shapes,
                     distance::solve_distances,
                     torsion::solve_torsion,

@@ -7,7 +7,7 @@ use polpo_solver::{Stiffness, Turning};
 use crate::particles::{Awake, for_each_body};
 use crate::prototypes::Prototypes;
 use crate::stiffness::shares_of;
-use crate::{ExplicitState, Frozen, ParticleStiffness, Particles, Rods, SoftBody, SubstepTime, rods};
+use crate::{Blocks, ExplicitState, Frozen, ParticleStiffness, Particles, Rods, SoftBody, SubstepTime, rods};
 
 /// Each particle and its one ring hold their shape. Comes with every [`SoftBody`].
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -72,7 +72,7 @@ pub(crate) fn build_groups(
 }
 
 /// At the start of phase `Substeps`: the search for the groups' rotations starts from the particles, so that a step depends on nothing else.
-pub(crate) fn forget_rotations(mut bodies: Query<(&Particles, &mut ImplicitGroups), Awake>) {
+pub(crate) fn forget_rotations(mut bodies: Query<(&Particles, &mut ImplicitGroups), (Awake, Without<Blocks>)>) {
     for (particles, mut groups) in &mut bodies {
         groups.forget_rotations(particles);
     }
@@ -80,7 +80,7 @@ pub(crate) fn forget_rotations(mut bodies: Query<(&Particles, &mut ImplicitGroup
 
 pub(crate) fn match_shapes(
     time: Res<SubstepTime>,
-    mut bodies: Query<(&mut Particles, &mut ImplicitGroups, &ShapeMatching, Option<&mut ParticleStiffness>), Awake>,
+    mut bodies: Query<(&mut Particles, &mut ImplicitGroups, &ShapeMatching, Option<&mut ParticleStiffness>), (Awake, Without<Blocks>)>,
 ) {
     let sweep = time.sweep();
     for_each_body(

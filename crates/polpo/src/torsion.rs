@@ -5,7 +5,7 @@ use polpo_solver::Stiffness;
 
 use crate::particles::{Awake, for_each_body};
 use crate::stiffness::shares_of;
-use crate::{EdgeStiffness, Edges, Particles, SubstepTime};
+use crate::{Blocks, EdgeStiffness, Edges, Particles, SubstepTime};
 
 /// The edges of a body resist the twist between their ends. Comes with every [`SoftBody`](crate::SoftBody).
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
@@ -29,7 +29,7 @@ impl Default for Torsion {
 
 pub(crate) fn solve_torsion(
     time: Res<SubstepTime>,
-    mut bodies: Query<(&mut Particles, &mut Edges, &Torsion, Option<&mut EdgeStiffness>), Awake>,
+    mut bodies: Query<(&mut Particles, &mut Edges, &Torsion, Option<&mut EdgeStiffness>), (Awake, Without<Blocks>)>,
 ) {
     let sweep = time.sweep();
     for_each_body(

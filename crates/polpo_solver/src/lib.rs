@@ -9,6 +9,8 @@
 //! integrate          drag; velocities were summed up where particles were moved
 //! ```
 //!
+//! The constraints of a large body can be solved in [`Blocks`], on threads of the caller's.
+//!
 //! Every stage is a function on the slices of [`Particles`] and the data of one capability ([`ImplicitGroups`], [`Edges`], [`Contacts`]). Nothing here knows an ECS, a file, a
 //! thread or a clock, and nothing calls the platform's transcendental functions: the same input gives the same bits on every run and any number of threads, and, if [`Sweep::deterministic`] is set, everywhere `f32` arithmetic is IEEE 754.
 //! Without it processors with a fused multiply-add use it.
@@ -23,6 +25,9 @@ mod batches;
 #[cfg(test)]
 mod beam_tests;
 mod block_cholesky;
+#[cfg(test)]
+mod block_tests;
+mod blocks;
 mod broad_phase;
 mod calibrated_edges;
 mod check;
@@ -85,6 +90,7 @@ mod rotation;
 mod self_search;
 mod shape_matching;
 mod soft_groups;
+mod solve_blocks;
 mod solve_contacts;
 mod solve_pairs;
 mod stiffness;
@@ -96,6 +102,7 @@ mod torsion;
 mod wind;
 mod workless;
 
+pub use blocks::{Block, Blocks};
 pub use broad_phase::{Bounds, BroadPhase};
 pub use calibrated_edges::{CalibratedEdges, solve_calibrated_edges};
 pub use check::StateError;
@@ -130,6 +137,7 @@ pub use rings::{Rings, solve_rings};
 pub use rotation::extract_rotation;
 pub use self_search::SelfSearch;
 pub use shape_matching::{Turning, match_shapes};
+pub use solve_blocks::{Constraints, Executor, InTurn, forget_block_rotations, solve_blocks};
 pub use solve_contacts::{solve_contacts, solve_contacts_beside};
 pub use solve_pairs::{PAIR_PASSES, PairRules, Sides, solve_pairs};
 pub use stiffness::{Share, Shares, Stiffness, Sweep};

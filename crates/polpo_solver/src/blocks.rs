@@ -1,5 +1,7 @@
 //! Blocks: a large body cut into slabs that can be solved side by side.
 
+use std::sync::Arc;
+
 use glam::Vec3A;
 
 use crate::batches::Batches;
@@ -156,8 +158,9 @@ impl Block {
 
     fn follow(&mut self, groups: &ImplicitGroups, edges: &Edges) {
         let Self { particles, groups: own, group_of, .. } = self;
-        own.rest.clear();
-        own.rest.extend(group_of.iter().flat_map(|&g| groups.rest(g as usize)));
+        let rest = Arc::make_mut(&mut own.rest);
+        rest.clear();
+        rest.extend(group_of.iter().flat_map(|&g| groups.rest(g as usize)));
         Batches::rest(&mut own.batches, &own.rows, &own.rest);
         pick(&mut own.rest_rotation, &groups.rest_rotation, particles);
         pick(&mut own.held, &groups.held, particles);

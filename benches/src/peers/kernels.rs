@@ -135,7 +135,10 @@ impl Bare {
             solve_torsion(edges, particles, share(c.torsion.stiffness), sweep);
         }
         restore_angular_momentum(particles, before, dt);
-        find_support(&self.contacts, particles, dt, &mut self.support);
+        self.support.clear();
+        if self.pairs.ask_for_support() {
+            find_support(&self.contacts, particles, dt, &mut self.support);
+        }
         let rules = PairRules { dt, friction: c.own.friction, push_speed: c.own.push_speed };
         let mut sides = Sides::Within { particles, support: &self.support };
         for pass in 0..PAIR_PASSES {

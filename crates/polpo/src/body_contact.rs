@@ -228,8 +228,8 @@ pub(crate) fn solve_body_pairs(
             let offset = Vec3A::from(place_b.translation - place_a.translation);
             let BodyPair { pairs, support, .. } = pair;
             if pass == 0 {
-                note_support(planes_a, a, time.delta, &mut support[0]);
-                note_support(planes_b, b, time.delta, &mut support[1]);
+                note_support(pairs, planes_a, a, time.delta, &mut support[0]);
+                note_support(pairs, planes_b, b, time.delta, &mut support[1]);
             }
             let mut sides = Sides::Between { first: a, second: b, offset, held: [held_a, held_b], support: [&support[0], &support[1]] };
             solve_pairs(pairs, &mut sides, &rules, pass);

@@ -108,7 +108,7 @@ pub(crate) fn solve_self_pairs(
             }
             let rules = PairRules { dt, friction: contact.friction.max(0.0), push_speed: contact.push_speed.max(0.0) };
             let SelfPairs { pairs, support, .. } = &mut *own;
-            note_support(contacts, &particles, dt, support);
+            note_support(pairs, contacts, &particles, dt, support);
             let mut sides = Sides::Within { particles: &mut particles.0, support };
             for pass in 0..PAIR_PASSES {
                 solve_pairs(pairs, &mut sides, &rules, pass);
@@ -117,11 +117,17 @@ pub(crate) fn solve_self_pairs(
     );
 }
 
-/// Which particles lie on a collider, if the body meets any.
-pub(crate) fn note_support(contacts: Option<&Contacts>, particles: &polpo_solver::Particles, dt: f32, support: &mut Vec<Vec3A>) {
+/// Which particles lie on a collider, if the body meets any and the pairs want to know.
+pub(crate) fn note_support(
+    pairs: &Pairs,
+    contacts: Option<&Contacts>,
+    particles: &polpo_solver::Particles,
+    dt: f32,
+    support: &mut Vec<Vec3A>,
+) {
     match contacts {
-        Some(contacts) => find_support(contacts, particles, dt, support),
-        None => support.clear(),
+        Some(contacts) if pairs.ask_for_support() => find_support(contacts, particles, dt, support),
+        _ => support.clear(),
     }
 }
 

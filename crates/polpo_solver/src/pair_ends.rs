@@ -10,6 +10,15 @@ use crate::shape_matching::turned;
 /// the heap tremble.
 const CRUSHING: f32 = 80.0;
 
+/// Whether one of two masses may be taken to crush the other.
+pub(crate) fn is_uneven(a: f32, b: f32) -> bool {
+    crushes(a, b) || crushes(b, a)
+}
+
+fn crushes(mass: f32, other: f32) -> bool {
+    mass > CRUSHING * other
+}
+
 /// A particle while a pair is solved, in the first body's coordinates.
 pub(crate) struct End {
     x: Vec3A,
@@ -26,7 +35,7 @@ impl End {
     fn new(sides: &Sides, k: usize, i: usize, push: Vec3A, by: f32) -> Self {
         let (p, origin, held) = sides.side(k);
         let free = if held { 0.0 } else { 1.0 };
-        let crushed = by > CRUSHING * p.mass[i] && sides.is_supported(k, i, push);
+        let crushed = crushes(by, p.mass[i]) && sides.is_supported(k, i, push);
         let yields = if held || crushed { 0.0 } else { 1.0 };
         Self {
             x: p.position[i] + origin,

@@ -345,7 +345,7 @@ fn a_body_at_rest_has_no_pairs_with_itself() {
     assert!(!pairs.list.is_empty() && edges.iter().all(|&[i, j]| pairs.list.iter().all(|pair| pair.particles != [i.min(j), i.max(j)])));
 }
 
-/// A body that is crumpled, flies, stands still, blows up and comes back, once with one search for all steps, once with a new one in each.
+/// A body that is crumpled, flies, stands still, blows up and comes back, and of which two particles fly about in the rest, once with one search for all steps, once with a new one in each.
 #[test]
 fn what_is_found_does_not_depend_on_when_it_was_searched_for() {
     let (mut p, edges) = blob();
@@ -357,7 +357,7 @@ fn what_is_found_does_not_depend_on_when_it_was_searched_for() {
     for step in 0..300 {
         let dt = 1.0 / 60.0;
         for i in 0..p.len() {
-            let still = (100..150).contains(&step);
+            let still = (100..150).contains(&step) || (step > 220 && ![5, 17].contains(&i));
             p.velocity[i] = if still { Vec3A::ZERO } else { random.vector() - 3.0 * p.position[i] + Vec3A::X * step as f32 };
             let drift = Vec3A::X * step as f32;
             p.position[i] += (p.velocity[i] - if still { Vec3A::ZERO } else { drift }) * dt;

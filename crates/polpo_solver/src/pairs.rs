@@ -3,6 +3,7 @@
 use glam::{Vec3, Vec3A};
 
 use crate::ellipsoid_pair::{EllipsoidPair, FLATTEST};
+use crate::pair_ends::is_uneven;
 use crate::{Bounds, BroadPhase, Particles};
 
 /// Two particles that may touch in this step.
@@ -61,6 +62,8 @@ pub struct Pairs {
     /// The way out of an overlap of whole bodies that nobody's motion made, from the first to the second; `None` as long as they touch at their skins only. While it is there, what overlaps is pushed
     /// apart along it, rather than each pair along its own normal, which would lock two lattices into each other.
     pub way_out: Option<Vec3A>,
+    /// Whether one of them is so much heavier than the other that what bears the lighter one matters.
+    uneven: bool,
     /// What the pairs of the step before remember.
     before: Vec<([u32; 2], Vec3)>,
 }
@@ -97,7 +100,7 @@ pub struct PairFinder {
     pub(crate) broad: BroadPhase,
     boxes: Vec<Bounds>,
     /// Which particle each box is of, the second body's counted on from the first's.
-    owners: Vec<u32>,
+    pub(crate) owners: Vec<u32>,
     pub(crate) keys: Vec<u64>,
 }
 
@@ -165,6 +168,11 @@ impl PairFinder {
 }
 
 impl Pairs {
+    /// Whether [`solve_pairs`](crate::solve_pairs) asks what the particles lie on: [`find_support`](crate::find_support) is for nothing if not.
+    pub fn ask_for_support(&self) -> bool {
+        self.uneven
+    }
+
     /// Whether the solver found any two of them touching since they were found.
     pub fn touch(&self) -> bool {
         self.list.iter().any(|pair| pair.touching)
@@ -197,14 +205,16 @@ impl Pairs {
 
     /// Makes the list anew from sorted `keys`; pairs that were in it keep their normals.
     pub(crate) fn refill(&mut self, keys: impl Iterator<Item = u64>, a: &Particles, b: &Particles, offset: Vec3A) {
-        let Self { list, before, .. } = self;
+        let Self { list, before, uneven, .. } = self;
         before.clear();
         before.extend(list.iter().filter(|pair| pair.known).map(|pair| (pair.particles, pair.normal.into())));
         list.clear();
+        *uneven = false;
         let mut old = before.iter().peekable();
         for k in keys {
             let (i, j) = ((k >> 32) as u32, k as u32);
             let mut pair = Pair::new(i, j, a, b, b.position[j as usize] + offset - a.position[i as usize]);
+            *uneven |= is_uneven(a.mass[i as usize], b.mass[j as usize]);
             while old.next_if(|([i, j], _)| key(*i, *j) < k).is_some() {}
             if let Some((_, normal)) = old.next_if(|([i, j], _)| key(*i, *j) == k) {
                 (pair.normal, pair.known) = (Vec3A::from(*normal), true);

@@ -144,9 +144,9 @@ fn a_soft_cube_stays_under_a_tonne() {
                 let c = crush(n, 2.0, mass, rate, 5);
                 let jammed = 0.6 / n as f32;
                 assert!((c.under - jammed).abs() < 1e-4 && c.tilt < 1e-6, "{}: at {} {}", c.case, c.under, c.tilt);
-                // It lies still to 1e-4 m/s, but for the moment in which a ball half under its rim slips: then it moves by less than that ball does.
+                // It lies still to 1e-4 m/s, unless a ball is half under its rim, which lets it tremble by millimetres a second.
                 let [fastest, way] = c.rest;
-                assert!(fastest < 5e-2 && way < 2e-3 && c.aside < 0.025, "{}: {fastest} m/s, {way} m, {} m aside", c.case, c.aside);
+                assert!(fastest < 5e-2 && way < 5e-3 && c.aside < 0.025, "{}: {fastest} m/s, {way} m, {} m aside", c.case, c.aside);
                 // The slab reaches out to 0.4 m: a ball may lie half under its rim, none is thrown out. While it is pressed flat at 3 m/s, particles shoot up into the slab that were out of its
                 // reach when the step's planes were found: by what slab and particle do in one step.
                 let (out, deep) = (if rate < 50.0 { 0.49 } else { 0.44 }, 4.5 / rate);

@@ -65,7 +65,7 @@ pub(crate) fn build_self_pairs(
     for (entity, body, particles) in &lacking {
         match prototypes.self_search(&body.rig, particles) {
             Ok(search) => {
-                commands.entity(entity).try_insert(SelfPairs { search, ..default() });
+                commands.entity(entity).try_insert(SelfPairs { search, support: Vec::with_capacity(particles.len()), ..default() });
             }
             Err(error) => reject::<SelfContact>(&mut commands, entity, "SelfContact", error),
         }

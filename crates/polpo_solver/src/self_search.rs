@@ -83,6 +83,7 @@ impl SelfSearch {
     fn look_around(&mut self, most: usize, finder: &mut PairFinder, count: impl Fn(u32, u32) -> bool) {
         let PairFinder { broad, keys, .. } = finder;
         keys.clear();
+        keys.reserve(ROOM * self.around.len());
         broad.pairs(&self.around, |i, j| {
             if !self.resting.contains(i, j) && count(i, j) {
                 keys.push(key(i, j));
@@ -112,8 +113,7 @@ impl SelfSearch {
                 }
             }
         }
-        // Sorted for the most part.
-        keys.sort();
+        keys.sort_unstable();
         self.keep(keys);
     }
 

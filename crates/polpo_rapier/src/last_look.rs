@@ -108,6 +108,8 @@ pub(crate) fn last_look(
 pub(crate) struct Seen {
     from: Vector,
     way: Vector,
+    /// 1/|way|² \[1/m²\]; 0 for one that goes nowhere.
+    per_square: f32,
     /// The share of the way up to the first plane on it: what comes behind may not have been seen.
     pub(crate) share: f32,
     /// Of the particle's smallest radius: nothing is so near to the way without being seen \[m\].
@@ -119,15 +121,18 @@ pub(crate) struct Seen {
 impl Seen {
     /// Particle `i` is about to go `way`.
     pub(crate) fn new(p: &Particles, i: usize, way: Vector) -> Self {
-        Self { from: p.position[i].into(), way, share: 1.0, margin: p.radii[i].min_element(), returning: None }
+        let square = way.length_squared();
+        let per_square = if square.is_normal() { 1.0 / square } else { 0.0 };
+        Self { from: p.position[i].into(), way, per_square, share: 1.0, margin: p.radii[i].min_element(), returning: None }
     }
 
     /// Whether `at` is so near to the way that nothing unseen can be there. While nothing moves it may be there at any time, else only at `time`, as a share of the step.
     fn covers(&self, at: Vector, time: Option<f32>) -> bool {
         let ahead = at - self.from;
-        let square = self.way.length_squared();
-        let along = time.unwrap_or(if square > 0.0 { ahead.dot(self.way) / square } else { 0.0 });
-        ahead.distance(self.way * along.clamp(0.0, self.share)) <= self.margin
+        let along = time.unwrap_or(ahead.dot(self.way) * self.per_square);
+        let off = ahead.distance_squared(self.way * along.clamp(0.0, self.share));
+        // A centre under a plane has a margin below zero.
+        self.margin >= 0.0 && off <= self.margin * self.margin
     }
 }
 

@@ -19,7 +19,7 @@ fn page(lines: &[Line]) -> String {
     );
     let _ = writeln!(
         out,
-        "Machine: {}, {} cores. Polpo {}, rapier3d 0.36.1 for what is theirs, both on one thread at 60 steps a second, stepped in turns. Times are of the best step \\[µs\\]; a ratio that is to be at least something is theirs/ours, one that is to be at most something ours/theirs.\n",
+        "Machine: {}, {} cores. Polpo {}, rapier3d 0.36.1 for what is theirs, both on one thread but in rows about threads, at 60 steps a second, stepped in turns. Times are of the best step \\[µs\\]; a ratio that is to be at least something is theirs/ours, one that is to be at most something ours/theirs.\n",
         processor(),
         std::thread::available_parallelism().map_or(1, usize::from),
         env!("CARGO_PKG_VERSION"),

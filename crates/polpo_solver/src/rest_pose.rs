@@ -111,8 +111,9 @@ impl ImplicitGroups {
             rest.extend(members.iter().map(|&i| (pose.place(particles, i) - center) * size));
             if !self.flow.is_empty() {
                 let turn = self.rest_rotation.get(members[0] as usize).copied().unwrap_or(Quat::IDENTITY);
-                for k in row[0] as usize..row[1] as usize {
-                    rest[k] += turn * self.flow[k];
+                let row = row[0] as usize..row[1] as usize;
+                for (r, &flow) in rest[row.clone()].iter_mut().zip(&self.flow[row]) {
+                    *r += turn * flow;
                 }
             }
         }

@@ -34,5 +34,5 @@ pub fn block([nx, ny, nz]: [u32; 3]) -> Rig {
         }
     }
     edges.sort_unstable();
-    Rig { mesh_hash: MeshHash(0), particles, edges, skin: Vec::new() }
+    Rig { mesh_hash: MeshHash(0), particles, edges, ..Rig::default() }
 }

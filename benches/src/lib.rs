@@ -32,7 +32,7 @@ pub fn cube(n: usize) -> Rig {
         noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (noise >> 8) as f32 / (1 << 24) as f32 - 0.5
     };
-    let mut rig = Rig { mesh_hash: MeshHash(0), particles: Vec::new(), edges: Vec::new(), skin: Vec::new() };
+    let mut rig = Rig::default();
     for at in (0..n * n * n).map(|i| [i % n, i / n % n, i / n / n]) {
         let cell = Vec3::from(at.map(|x| x as f32 - 0.5 * (n - 1) as f32)) + 0.1 * Vec3::new(shake(), shake(), shake());
         let radii = Vec3::splat(0.5 * SPACING);

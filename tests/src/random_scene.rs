@@ -193,7 +193,7 @@ fn chain(random: &mut Random, count: usize) -> Rig {
         mass: 0.02 + 0.02 * random.unit(),
     };
     let particles = (0..count).map(particle).collect();
-    Rig { mesh_hash: MeshHash(0), particles, edges: (1..count as u32).map(|i| [i - 1, i]).collect(), skin: Vec::new() }
+    Rig { mesh_hash: MeshHash(0), particles, edges: (1..count as u32).map(|i| [i - 1, i]).collect(), ..Rig::default() }
 }
 
 /// A square of flat ellipsoids.
@@ -210,5 +210,5 @@ fn sheet(random: &mut Random, side: usize) -> Rig {
             }
         }
     }
-    Rig { mesh_hash: MeshHash(0), particles, edges, skin: Vec::new() }
+    Rig { mesh_hash: MeshHash(0), particles, edges, ..Rig::default() }
 }

@@ -183,6 +183,7 @@ pub fn limb(rings: usize, particles: usize, offset: Vec3) -> (polpo_rig::Mesh, A
         particles: centers.iter().map(particle).collect(),
         edges: (1..particles as u32).map(|i| [i - 1, i]).collect(),
         skin,
+        ..Rig::default()
     };
     rig.validate().expect("the limb's rig is whole");
     (mesh, Arc::new(rig))
@@ -192,14 +193,8 @@ fn nearest_four(position: Vec3, centers: &[Vec3]) -> Influences {
     let mut order: Vec<u32> = (0..centers.len() as u32).collect();
     let distance = |i: u32| centers[i as usize].distance(position);
     order.sort_by(|&a, &b| distance(a).total_cmp(&distance(b)));
-    let mut influences = Influences { particles: [order[0]; 4], weights: [0.0; 4] };
-    for (slot, &particle) in order.iter().take(4).enumerate() {
-        influences.particles[slot] = particle;
-        influences.weights[slot] = 1.0 / (0.05 + distance(particle));
-    }
-    let sum: f32 = influences.weights.iter().sum();
-    influences.weights = influences.weights.map(|weight| weight / sum);
-    influences
+    let near: Vec<(u32, f64)> = order.iter().take(4).map(|&p| (p, 1.0 / f64::from(0.05 + distance(p)))).collect();
+    Influences::new(&near)
 }
 
 /// xorshift: the same on every machine.

@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use polpo_rig::{RigError, RigSettings, build_rig, parse_glb};
+use polpo_rig::{Recipe, RigError, build_rig, parse_glb};
 use thiserror::Error;
 
 use crate::octopus::OctopusError;
@@ -67,7 +67,7 @@ fn compare(path: PathBuf, bytes: &[u8]) -> Result<(), AssetsError> {
 /// The octopus of the paper: 5k vertices, 10k triangles, 300 particles, 750 edges (method, §8).
 fn make() -> Result<Vec<Asset>, AssetsError> {
     let mesh = glb::write(&octopus::make()?);
-    let rig = build_rig(&parse_glb("assets/octopus.glb", &mesh)?, &RigSettings::default())?;
+    let rig = build_rig(&parse_glb("assets/octopus.glb", &mesh)?, &Recipe::default())?;
     Ok(vec![
         Asset { name: "octopus.rig.ron", bytes: rig.to_ron()?.into_bytes() },
         Asset { name: "octopus.rig", bytes: rig.to_postcard()? },

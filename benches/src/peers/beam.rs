@@ -56,7 +56,7 @@ impl OurBeam {
             mesh_hash: MeshHash(0),
             particles: (0..Self::PARTICLES).map(particle).collect(),
             edges: (1..Self::PARTICLES).map(|i| [i - 1, i]).collect(),
-            skin: Vec::new(),
+            ..Rig::default()
         };
         let section = Section::square(SIDE);
         let density = MASS / (LENGTH * section.area);

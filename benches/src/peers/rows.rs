@@ -8,7 +8,7 @@ use polpo::BodyPairs;
 use polpo::prelude::*;
 use polpo_benches::measure::{Times, in_turns};
 use polpo_benches::octopus;
-use polpo_rig::{Mesh, Rig, RigSettings, build_rig};
+use polpo_rig::{Mesh, Recipe, Rig, build_rig};
 use rapier3d_peer::prelude::SoftBodySolver;
 
 use crate::beam::{OurBeam, TheirBeam, exact_sag};
@@ -171,7 +171,7 @@ fn fine_octopus(skin: Skin) -> Measured {
 
 /// A thousand particles, with as many edges each as the octopus of 300 has.
 fn fine_rig(mesh: &Mesh) -> Rig {
-    build_rig(mesh, &RigSettings { particles: 1000, edges: 2500, ..default() }).expect("the octopus can be rigged")
+    build_rig(mesh, &Recipe::with_particles(1000)).expect("the octopus can be rigged")
 }
 
 fn together_and_apart(together: Scene, apart: Scene) -> Measured {

@@ -10,7 +10,7 @@
 //! # fn rig() -> polpo_rig::Rig {
 //! #     use polpo_rig::{MeshHash, Particle, Rig};
 //! #     let particle = |x| Particle { position: Vec3::X * x, frame: Quat::IDENTITY, radii: Vec3::splat(0.1), mass: 1.0 };
-//! #     Rig { mesh_hash: MeshHash(0), particles: vec![particle(0.0), particle(0.2)], edges: vec![[0, 1]], skin: vec![] }
+//! #     Rig { mesh_hash: MeshHash(0), particles: vec![particle(0.0), particle(0.2)], edges: vec![[0, 1]], ..Rig::default() }
 //! # }
 //! let mut app = App::new();
 //! app.add_plugins((MinimalPlugins, PolpoPlugin::default()));

@@ -3,34 +3,63 @@
 use crate::clean::Surface;
 use crate::sample::Sample;
 use crate::voxels::Voxels;
-use crate::{Mesh, Particle, Rig, RigError, edges, ellipsoids, skin};
+use crate::{Amount, EdgeAmount, Mesh, Particle, Recipe, Rig, RigError, edges, ellipsoids, skin};
 
-/// Ten voxels a particle at the finest resolution: with fewer there are no cells to speak of.
-const MOST_PARTICLES: usize = 100_000;
-
-/// How fine and how heavy a rig is to be.
+/// A rig, and what its builder has to say of it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RigSettings {
-    /// Particles wanted, 1 to 100 000; default 300. Met exactly, unless the body has more separate parts: each gets one particle.
-    ///
-    /// Few make a body that bends in few places; the time of a simulation grows with them. Above about 1000 the voxels a particle
-    /// gets become fewer than the 600 it should have, and cells become ragged.
-    pub particles: usize,
-    /// Edges wanted; default 750. Met exactly as long as it is at least the particles less one, which it takes to hold the body
-    /// together, and at most the number of pairs.
-    ///
-    /// Two to three edges a particle are soft, five and more make a thick body stiff in shear.
-    pub edges: usize,
-    /// Density of the body \[kg/m³\], finite and positive; default 1000, water and most animals.
-    ///
-    /// The mesh is taken to be in metres. A mesh in centimetres weighs a million times as much: scale it first.
-    pub density: f32,
+pub struct Built {
+    /// The rig.
+    pub rig: Rig,
+    /// What an artist should know; empty if all went as the recipe says.
+    pub notes: Vec<Note>,
 }
 
-impl Default for RigSettings {
-    fn default() -> RigSettings {
-        RigSettings { particles: 300, edges: 750, density: 1000.0 }
-    }
+/// What an artist should know of a rig.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Note {
+    /// Parts of the body lie apart, and were tied by an edge each.
+    #[error("{parts} parts of the body lie apart: {} edges tie them", parts - 1)]
+    Tied {
+        /// How many there are.
+        parts: usize,
+    },
+    /// A region took nothing of the mesh, or no particle.
+    #[error("region {name:?} has no particle")]
+    EmptyRegion {
+        /// The region.
+        name: String,
+    },
+    /// An edit could not be done.
+    #[error("edit {edit}: {what}")]
+    EditLeft {
+        /// Its index in the recipe.
+        edit: usize,
+        /// Why.
+        what: &'static str,
+    },
+}
+
+/// A stage of the building, for whoever shows progress.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// The mesh is welded and cleaned.
+    Clean,
+    /// The body is filled with voxels.
+    Voxels,
+    /// Particles are spread.
+    Sample,
+    /// Particles are tied.
+    Edges,
+    /// Ellipsoids are fitted.
+    Ellipsoids,
+    /// Vertices get their influences.
+    Skin,
+}
+
+impl Stage {
+    /// All of them, in order.
+    pub const ALL: [Stage; 6] = [Stage::Clean, Stage::Voxels, Stage::Sample, Stage::Edges, Stage::Ellipsoids, Stage::Skin];
 }
 
 /// Builds the rig of a mesh.
@@ -42,43 +71,58 @@ impl Default for RigSettings {
 /// Takes about a second for 300 particles; about 100 MB at most.
 ///
 /// # Errors
-/// [`RigError::Setting`] for a number of particles out of range or a density that is not finite and positive, [`RigError::Mesh`] for a mesh that
+/// [`RigError::Setting`] for a recipe that [`Recipe::validate`] refuses, [`RigError::Mesh`] for a mesh that
 /// [`Mesh::validate`] refuses or that has no triangle with an area, [`RigError::TooFewVoxels`] for more particles than the body has
 /// room for, [`RigError::Invalid`] if the body is so large or small that f32 can't hold its particles' masses.
-pub fn build_rig(mesh: &Mesh, settings: &RigSettings) -> Result<Rig, RigError> {
-    let RigSettings { particles, edges, density } = *settings;
-    if !(1..=MOST_PARTICLES).contains(&particles) {
-        let value = particles as f64;
-        return Err(RigError::Setting { setting: "particles", value, range: "1 to 100000" });
-    }
-    if !(density.is_finite() && density > 0.0) {
-        let value = f64::from(density);
-        return Err(RigError::Setting { setting: "density", value, range: "finite and positive" });
-    }
+pub fn build_rig(mesh: &Mesh, recipe: &Recipe) -> Result<Rig, RigError> {
+    build_rig_with(mesh, recipe, &mut |_| {}).map(|built| built.rig)
+}
 
+/// [`build_rig`], with what the builder has to say of the rig. Calls `progress` before each stage.
+///
+/// # Errors
+/// Those of [`build_rig`].
+pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Stage)) -> Result<Built, RigError> {
+    recipe.validate()?;
+    progress(Stage::Clean);
     let surface = Surface::new(mesh)?;
-    let voxels = Voxels::new(&surface, particles);
-    if voxels.len() < particles {
+    progress(Stage::Voxels);
+    let wanted = match recipe.amount {
+        Amount::Particles(n) => n,
+        // Not yet.
+        Amount::Spacing(_) => 300,
+    };
+    let voxels = Voxels::new(&surface, wanted);
+    if voxels.len() < wanted {
         let name = mesh.name.clone();
-        return Err(RigError::TooFewVoxels { name, wanted: particles, voxels: voxels.len() });
+        return Err(RigError::TooFewVoxels { name, wanted, voxels: voxels.len() });
     }
-    let sample = Sample::new(&voxels, particles);
+    progress(Stage::Sample);
+    let sample = Sample::new(&voxels, wanted);
+    progress(Stage::Edges);
+    let edges = match recipe.edges {
+        EdgeAmount::PerParticle(n) => (f64::from(n) * sample.positions.len() as f64).round() as usize,
+        EdgeAmount::Count(n) => n,
+        EdgeAmount::Length(_) => 0,
+    };
     let edges = edges::connect(&voxels, &sample, edges);
+    progress(Stage::Ellipsoids);
     let ellipsoids = ellipsoids::fit(&surface, &voxels, &sample);
+    progress(Stage::Skin);
     let skin = skin::weigh(&surface, &voxels, &sample, &ellipsoids);
 
     // Voxels count the volume to a few percent; the mesh itself knows better, unless it crosses itself.
     let counted = voxels.len() as f64 * voxels.size * voxels.size * voxels.size;
     let volume = surface.volume().filter(|v| (0.8..1.25).contains(&(v / counted))).unwrap_or(counted);
     let scale = surface.scale;
-    let voxel_mass = f64::from(density) * scale * scale * scale * volume / voxels.len() as f64;
+    let voxel_mass = f64::from(recipe.density) * scale * scale * scale * volume / voxels.len() as f64;
     let particles = ellipsoids.iter().zip(&sample.volumes).map(|(e, &volume)| Particle {
         position: (surface.origin + e.centre * surface.scale).as_vec3(),
         frame: e.rotation().as_quat(),
         radii: (e.radii * surface.scale).as_vec3(),
         mass: (voxel_mass * f64::from(volume)) as f32,
     });
-    let rig = Rig { mesh_hash: mesh.hash(), particles: particles.collect(), edges, skin };
+    let rig = Rig { mesh_hash: mesh.hash(), particles: particles.collect(), edges, skin, ..Rig::default() };
     rig.validate_as(&mesh.name)?;
-    Ok(rig)
+    Ok(Built { rig, notes: Vec::new() })
 }

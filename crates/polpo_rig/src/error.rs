@@ -211,13 +211,29 @@ pub enum RigFault {
         /// The value.
         weight: f32,
     },
-    /// A vertex's weights don't sum to 1 within 1e-5.
+    /// A vertex's weights don't sum to 1 within 1e-6.
     #[error("vertex {vertex}: weights sum to {sum}, must be 1")]
     WeightSum {
         /// Index of the vertex.
         vertex: usize,
         /// Their sum.
         sum: f32,
+    },
+    /// A region breaks its rules.
+    #[error("region {region}: {what}")]
+    Region {
+        /// Index of the region.
+        region: usize,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// The cells break their rules.
+    #[error("cells: {what} ({index})")]
+    Cells {
+        /// What is wrong.
+        what: &'static str,
+        /// Index of the volume or facet.
+        index: usize,
     },
 }
 
@@ -231,12 +247,20 @@ pub enum RigError {
     /// A setting is out of its range.
     #[error("setting `{setting}` is {value}: {range}")]
     Setting {
-        /// Name of the field of [`RigSettings`](crate::RigSettings).
+        /// Its key in the recipe's file.
         setting: &'static str,
         /// The value given.
         value: f64,
         /// What it must be.
         range: &'static str,
+    },
+    /// The text is not a recipe.
+    #[error("{name}: not a recipe: {reason}")]
+    Recipe {
+        /// The recipe's file.
+        name: String,
+        /// What was wrong, and where in the file.
+        reason: String,
     },
     /// More particles wanted than the finest affordable voxel grid has voxels.
     #[error("{name}: {wanted} particles wanted, but the body has only {voxels} voxels at the finest resolution")]

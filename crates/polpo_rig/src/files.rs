@@ -1,7 +1,7 @@
 //! Rig files: `.ron` to read and to compare, `.rig` (postcard) to ship. Both carry the version of the format.
 //!
 //! ```text
-//! .ron   (version: 1, rig: (mesh_hash: (..), particles: [..], edges: [..], skin: [..]))
+//! .ron   (version: 2, rig: (mesh_hash: (..), particles: [..], edges: [..], skin: [..], regions: [..], cells: ..))
 //! .rig   "POLPORIG", the version as u32 with its little end first, then the rig in postcard's wire format
 //! ```
 
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::{Rig, RigError};
 
 /// Counts up with every change of the format; a file of another version is refused, not guessed at.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const MAGIC: &[u8; 8] = b"POLPORIG";
 
 #[derive(Deserialize)]

@@ -12,8 +12,10 @@
 //! bytes on every run and every platform: no hash maps, no threads, no platform transcendentals.
 
 mod build;
+mod cells;
 mod clean;
 mod edges;
+mod edit;
 mod ellipsoids;
 mod error;
 mod files;
@@ -23,14 +25,20 @@ mod mesh;
 mod read;
 mod read_gltf;
 mod read_obj;
+mod recipe;
+mod region;
 mod rig;
 mod sample;
 mod skin;
 mod thickness;
 mod voxels;
 
-pub use build::{RigSettings, build_rig};
+pub use build::{Built, Note, Stage, build_rig, build_rig_with};
+pub use cells::{Cells, Facet, Limb};
+pub use edit::Edit;
 pub use error::{MeshError, RigError, RigFault};
 pub use mesh::{Mesh, MeshHash};
 pub use read::{parse_glb, read_mesh};
+pub use recipe::{Amount, EdgeAmount, Fidelity, MOST_INFLUENCES, Placement, Recipe, RecipeMaterial};
+pub use region::{GroupKind, Region, RegionRule, Spring, Within};
 pub use rig::{Influences, Particle, Rig};

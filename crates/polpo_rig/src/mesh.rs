@@ -28,7 +28,7 @@ pub struct Mesh {
 }
 
 /// A stable fingerprint of a mesh's positions and triangles: a rig carries the one of its mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct MeshHash(pub u64);
 
 impl fmt::Display for MeshHash {

@@ -1,12 +1,20 @@
 //! The rig: what is simulated, and how the mesh follows it.
 
-use glam::{Quat, Vec3};
-use serde::{Deserialize, Serialize};
+use std::fmt;
 
+use glam::{Quat, Vec3};
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::cells::Cells;
+use crate::recipe::MOST_INFLUENCES;
+use crate::region::{GroupKind, Region};
 use crate::{Mesh, MeshHash, RigError, RigFault};
 
 /// An immutable soft-body rig, shared by all bodies made from it. In the mesh's own unit and axes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+///
+/// The fields are public, so that a tool can change a rig by hand; [`validate`](Rig::validate) says what then has to hold.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rig {
     /// The mesh this rig was built for.
     pub mesh_hash: MeshHash,
@@ -16,6 +24,10 @@ pub struct Rig {
     pub edges: Vec<[u32; 2]>,
     /// The particles each vertex of the mesh follows, one entry a mesh vertex.
     pub skin: Vec<Influences>,
+    /// Parts that are not like the rest; a particle is in one at most.
+    pub regions: Vec<Region>,
+    /// What makes the body as stiff as a material, if it is to be.
+    pub cells: Option<Cells>,
 }
 
 /// One oriented particle at rest: an ellipsoid of mass.
@@ -34,16 +46,16 @@ pub struct Particle {
 }
 
 /// The particles a vertex follows, heaviest first.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Influences {
     /// Particle indices. An unused slot repeats slot 0's particle.
-    pub particles: [u32; 4],
-    /// Weights, not negative, with sum 1. An unused slot has 0.
-    pub weights: [f32; 4],
+    pub particles: [u32; MOST_INFLUENCES],
+    /// Weights, not negative, with sum 1 (within 1e-6). An unused slot has 0.
+    pub weights: [f32; MOST_INFLUENCES],
 }
 
 impl Rig {
-    /// Checks that the rig is whole: every number in its range, every index in its list, weights with sum 1 (within 1e-5).
+    /// Checks that the rig is whole: every number in its range, every index in its list, weights with sum 1 (within 1e-6).
     ///
     /// # Errors
     /// [`RigError::Invalid`] with the first [`RigFault`] found, which names the item and its index.
@@ -77,7 +89,37 @@ impl Rig {
             })
         };
         let skin_faults = || self.skin.iter().enumerate().find_map(|(v, i)| i.fault(v, particles));
-        particle_faults.or_else(edge_faults).or_else(skin_faults)
+        let region_faults = || self.region_fault();
+        let cell_faults = || self.cells.as_ref().and_then(|cells| cells.fault(particles));
+        particle_faults.or_else(edge_faults).or_else(skin_faults).or_else(region_faults).or_else(cell_faults)
+    }
+
+    fn region_fault(&self) -> Option<RigFault> {
+        let particles = self.particles.len();
+        let mut taken = vec![false; particles];
+        self.regions.iter().enumerate().find_map(|(region, r)| {
+            let fault = |what| Some(RigFault::Region { region, what });
+            for (at, &particle) in r.particles.iter().enumerate() {
+                if particle as usize >= particles {
+                    return fault("it names a particle that is not there");
+                }
+                if at > 0 && r.particles[at - 1] >= particle {
+                    return fault("its particles are not sorted and unique");
+                }
+                if core::mem::replace(&mut taken[particle as usize], true) {
+                    return fault("it has a particle that another region has");
+                }
+            }
+            if r.friction.is_some_and(|f| !(f.is_finite() && f >= 0.0)) {
+                return fault("its friction is negative or not finite");
+            }
+            let soft = match r.group {
+                Some(GroupKind::Soft(spring)) => Some(spring),
+                _ => None,
+            };
+            let broken = [r.stiffness, soft].iter().flatten().any(|spring| !spring.is_valid());
+            if broken { fault("its stiffness is out of range") } else { None }
+        })
     }
 
     /// Checks that this rig was built for `mesh`.
@@ -116,8 +158,45 @@ impl Particle {
 }
 
 impl Influences {
+    /// One particle, wholly.
+    pub fn whole(particle: u32) -> Influences {
+        Influences { particles: [particle; MOST_INFLUENCES], weights: core::array::from_fn(|slot| f32::from(u8::from(slot == 0))) }
+    }
+
+    /// Those of the `weighted` particles that weigh most, in the order of their weights, scaled to sum 1. None, or none that weighs anything: [`whole`](Influences::whole) of the first, or of particle 0.
+    pub fn new(weighted: &[(u32, f64)]) -> Influences {
+        let mut sorted: Vec<(u32, f64)> = weighted.iter().copied().filter(|w| w.1 > 0.0 && w.1.is_finite()).collect();
+        sorted.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        sorted.truncate(MOST_INFLUENCES);
+        let sum: f64 = sorted.iter().map(|w| w.1).sum();
+        let Some(&(heaviest, _)) = sorted.first() else { return Influences::whole(weighted.first().map_or(0, |w| w.0)) };
+        let mut this = Influences { particles: [heaviest; MOST_INFLUENCES], weights: [0.0; MOST_INFLUENCES] };
+        for (slot, (particle, weight)) in sorted.into_iter().enumerate() {
+            let weight = (weight / sum) as f32;
+            if weight > 0.0 {
+                this.particles[slot] = particle;
+                this.weights[slot] = weight;
+            }
+        }
+        // What rounding to f32 took, the heaviest gives back.
+        this.weights[0] = 1.0 - this.weights[1..].iter().sum::<f32>();
+        this
+    }
+
+    /// The particles that it follows, with their weights.
+    pub fn used(&self) -> impl Iterator<Item = (u32, f32)> {
+        self.particles.into_iter().zip(self.weights).filter(|w| w.1 != 0.0)
+    }
+
+    /// The first four.
+    pub fn four(&self) -> ([u32; 4], [f32; 4]) {
+        let [a, b, c, d, ..] = self.particles;
+        let [s, t, u, v, ..] = self.weights;
+        ([a, b, c, d], [s, t, u, v])
+    }
+
     fn fault(&self, vertex: usize, particles: usize) -> Option<RigFault> {
-        for slot in 0..4 {
+        for slot in 0..MOST_INFLUENCES {
             let (particle, weight) = (self.particles[slot], self.weights[slot]);
             if particle as usize >= particles {
                 return Some(RigFault::InfluenceIndex { vertex, slot, particle, particles });
@@ -127,7 +206,46 @@ impl Influences {
             }
         }
         let sum = self.weights.iter().sum::<f32>();
-        ((sum - 1.0).abs() > 1e-5).then_some(RigFault::WeightSum { vertex, sum })
+        let whole = (sum - 1.0).abs() <= 1e-6;
+        (!whole).then_some(RigFault::WeightSum { vertex, sum })
+    }
+}
+
+/// In a file an influence is the list of those in use, (particle, weight).
+impl Serialize for Influences {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.used().collect::<Vec<_>>())
+    }
+}
+
+impl<'de> Deserialize<'de> for Influences {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Influences, D::Error> {
+        struct List;
+
+        impl<'de> Visitor<'de> for List {
+            type Value = Influences;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "1 to {MOST_INFLUENCES} particles with their weights")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Influences, A::Error> {
+                let first: (u32, f32) = list.next_element()?.ok_or_else(|| A::Error::invalid_length(0, &self))?;
+                let mut this = Influences::whole(first.0);
+                this.weights[0] = first.1;
+                let mut slot = 1;
+                while let Some((particle, weight)) = list.next_element()? {
+                    if slot == MOST_INFLUENCES {
+                        return Err(A::Error::invalid_length(slot + 1, &self));
+                    }
+                    (this.particles[slot], this.weights[slot]) = (particle, weight);
+                    slot += 1;
+                }
+                Ok(this)
+            }
+        }
+
+        deserializer.deserialize_seq(List)
     }
 }
 
@@ -141,7 +259,9 @@ mod tests {
             mesh_hash: MeshHash(1),
             particles: vec![particle; 3],
             edges: vec![[0, 1], [1, 2]],
-            skin: vec![Influences { particles: [0, 1, 0, 0], weights: [0.75, 0.25, 0.0, 0.0] }],
+            skin: vec![Influences::new(&[(0, 0.75), (1, 0.25)])],
+            regions: vec![Region { name: "tail".into(), particles: vec![1, 2], ..Region::default() }],
+            cells: None,
         }
     }
 
@@ -151,7 +271,7 @@ mod tests {
     #[test]
     fn every_fault_is_named() {
         assert!(rig().validate().is_ok());
-        let breaches: [Breach; 12] = [
+        let breaches: [Breach; 16] = [
             (|r| r.particles.clear(), "rig: there are no particles"),
             (|r| r.particles[1].position.y = f32::NAN, "rig: particle 1: position is not finite"),
             (|r| r.particles[2].frame.x = 0.1, "rig: particle 2: frame is not a unit quaternion"),
@@ -164,6 +284,10 @@ mod tests {
             (|r| r.skin[0].particles[3] = 9, "rig: vertex 0, influence 3 points to particle 9, but there are 3"),
             (|r| r.skin[0].weights[1] = f32::INFINITY, "rig: vertex 0, influence 1: weight is inf, must be finite and not negative"),
             (|r| r.skin[0].weights[1] = 0.5, "rig: vertex 0: weights sum to 1.25, must be 1"),
+            (|r| r.regions[0].particles = vec![2, 1], "rig: region 0: its particles are not sorted and unique"),
+            (|r| r.regions[0].particles = vec![3], "rig: region 0: it names a particle that is not there"),
+            (|r| r.regions.push(r.regions[0].clone()), "rig: region 1: it has a particle that another region has"),
+            (|r| r.regions[0].friction = Some(-1.0), "rig: region 0: its friction is negative or not finite"),
         ];
         for (breach, message) in breaches {
             let mut broken = rig();

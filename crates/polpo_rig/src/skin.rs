@@ -69,7 +69,7 @@ pub(crate) fn weigh(surface: &Surface, voxels: &Voxels, sample: &Sample, ellipso
     for _ in 0..SMOOTHINGS {
         weights = smooth(surface, &weights, BLUR * voxels.size);
     }
-    let influences: Vec<Influences> = weights.into_iter().map(pack).collect();
+    let influences: Vec<Influences> = weights.iter().map(|w| Influences::new(w)).collect();
     surface.welded.iter().map(|&v| influences[v as usize]).collect()
 }
 
@@ -186,18 +186,4 @@ fn normalize(mut weights: Weights) -> Weights {
     let degenerate = sum.is_nan() || sum < 1e-12;
     weights.iter_mut().for_each(|w| w.1 = if degenerate { share } else { w.1 / sum });
     weights
-}
-
-fn pack(weights: Weights) -> Influences {
-    let heaviest = weights.first().map_or(0, |w| w.0);
-    let mut influences = Influences { particles: [heaviest; 4], weights: [0.0; 4] };
-    for (slot, (particle, weight)) in weights.into_iter().enumerate() {
-        if weight as f32 > 0.0 {
-            influences.particles[slot] = particle;
-            influences.weights[slot] = weight as f32;
-        }
-    }
-    // What rounding to f32 took, the heaviest gives back.
-    influences.weights[0] = 1.0 - influences.weights[1..].iter().sum::<f32>();
-    influences
 }

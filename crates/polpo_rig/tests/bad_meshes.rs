@@ -6,7 +6,7 @@ use std::path::Path;
 
 use common::{block, both, cubes, grid, moved, pieces, rig, settings};
 use glam::{IVec3, Vec3};
-use polpo_rig::{Mesh, RigSettings, build_rig, parse_glb, read_mesh};
+use polpo_rig::{EdgeAmount, Mesh, Recipe, build_rig, parse_glb, read_mesh};
 
 /// One way to spoil a box of 8 vertices and 12 triangles, and the error that must name it.
 type Spoiler = (fn(&mut Mesh), &'static str);
@@ -41,10 +41,10 @@ fn a_mesh_that_cannot_be_rigged_is_named() {
 fn a_setting_out_of_range_is_named() {
     let mesh = block([1, 1, 1], 1, Vec3::ONE);
     let cases = [
-        (RigSettings { particles: 0, ..settings(5) }, "setting `particles` is 0: 1 to 100000"),
-        (RigSettings { density: 0.0, ..settings(5) }, "setting `density` is 0: finite and positive"),
-        (RigSettings { density: f32::NAN, ..settings(5) }, "setting `density` is NaN: finite and positive"),
-        (RigSettings { particles: 100_001, ..settings(5) }, "setting `particles` is 100001: 1 to 100000"),
+        (settings(0), "setting `particles` is 0: 1 to 100000"),
+        (Recipe { density: 0.0, ..settings(5) }, "setting `density` is 0: finite and positive"),
+        (Recipe { density: f32::NAN, ..settings(5) }, "setting `density` is NaN: finite and positive"),
+        (settings(100_001), "setting `particles` is 100001: 1 to 100000"),
     ];
     for (settings, message) in cases {
         let error = build_rig(&mesh, &settings).map(|_| ()).map_err(|e| e.to_string());
@@ -170,7 +170,7 @@ fn parts_that_overlap_are_solid() {
 fn every_wish_for_edges_is_met_where_it_can_be() {
     let mesh = cubes(&grid(IVec3::ZERO, IVec3::new(4, 1, 1)), 1, |p| p);
     for (wanted, met) in [(0, 19), (19, 19), (50, 50), (77, 77), (190, 190), (1000, 190)] {
-        let rig = build_rig(&mesh, &RigSettings { edges: wanted, ..settings(20) }).expect("a bar can be rigged");
+        let rig = build_rig(&mesh, &Recipe { edges: EdgeAmount::Count(wanted), ..settings(20) }).expect("a bar can be rigged");
         assert_eq!((rig.edges.len(), pieces(&rig)), (met, 1), "{wanted} edges wanted");
     }
 }

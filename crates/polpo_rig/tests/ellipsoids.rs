@@ -103,7 +103,7 @@ fn particles_lie_on_the_middle_of_a_thin_limb() {
 #[test]
 fn mass_is_volume_times_density() {
     let mesh = block([3, 2, 1], 2, Vec3::new(1.5, 1.0, 0.4));
-    let settings = polpo_rig::RigSettings { density: 250.0, ..common::settings(50) };
+    let settings = polpo_rig::Recipe { density: 250.0, ..common::settings(50) };
     let rig = polpo_rig::build_rig(&mesh, &settings).expect("a box can be rigged");
     let mass: f32 = rig.particles.iter().map(|p| p.mass).sum();
     assert!((mass / 150.0 - 1.0).abs() < 1e-4, "{mass} kg");

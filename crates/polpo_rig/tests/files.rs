@@ -47,11 +47,11 @@ fn a_rig_of_another_mesh_is_refused() {
 #[test]
 fn other_versions_and_other_files_are_refused() {
     let text = small().to_ron().expect("a whole rig");
-    let newer = text.replacen("version: 1", "version: 2", 1);
-    assert!(matches!(Rig::from_ron("x", &newer), Err(RigError::Version { found: 2, expected: 1, .. })));
+    let newer = text.replacen("version: 2", "version: 3", 1);
+    assert!(matches!(Rig::from_ron("x", &newer), Err(RigError::Version { found: 3, expected: 2, .. })));
     let mut bytes = small().to_postcard().expect("a whole rig");
     bytes[8] = 7;
-    assert!(matches!(Rig::from_postcard("x", &bytes), Err(RigError::Version { found: 7, expected: 1, .. })));
+    assert!(matches!(Rig::from_postcard("x", &bytes), Err(RigError::Version { found: 7, expected: 2, .. })));
     assert!(matches!(Rig::from_postcard("x", b"GIF89a"), Err(RigError::NotARig { .. })));
     assert!(matches!(Rig::read("body.txt"), Err(RigError::UnknownExtension { .. })));
     assert!(matches!(Rig::read("no/such.rig"), Err(RigError::Io { .. })));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bevy::prelude::*;
 use polpo::prelude::*;
 use polpo_rapier::RapierWorld;
-use polpo_rig::{Mesh as RigMesh, MeshError, Rig, RigError, RigSettings, build_rig, read_mesh};
+use polpo_rig::{EdgeAmount, Mesh as RigMesh, MeshError, Recipe, Rig, RigError, build_rig, read_mesh};
 use rapier3d::na::Unit;
 use rapier3d::prelude::ColliderBuilder;
 
@@ -52,7 +52,8 @@ impl DropScene {
     /// If the mesh cannot be read or rigged.
     pub fn new(path: &Path, particles: usize, edges: usize, size: f32, count: usize, seed: u64) -> Result<Self, DropSceneError> {
         let mesh = read_mesh(path).map_err(DropSceneError::Mesh)?;
-        let rig = build_rig(&mesh, &RigSettings { particles, edges, ..RigSettings::default() }).map_err(DropSceneError::Rig)?;
+        let rig = build_rig(&mesh, &Recipe { edges: EdgeAmount::Count(edges), ..Recipe::with_particles(particles) })
+            .map_err(DropSceneError::Rig)?;
         let bounds = mesh.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
         let scale = size / (bounds.1 - bounds.0).max_element();
         Ok(Self { mesh: Arc::new(mesh), rig: Arc::new(rig), scale, count, seed })

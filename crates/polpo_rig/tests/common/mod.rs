@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use glam::{IVec3, Vec3};
-use polpo_rig::{Mesh, Rig, RigSettings, build_rig};
+use polpo_rig::{Mesh, Recipe, Rig, build_rig};
 
 /// A closed mesh around unit cubes, moved by `place` to where its corners are to be. Sides inside the shape are left out, corners are
 /// shared. Every face of a cube is cut into `cuts` × `cuts` squares.
@@ -100,8 +100,8 @@ pub fn moved(mut mesh: Mesh, by: Vec3) -> Mesh {
 }
 
 /// Settings for so many particles and two and a half times the edges.
-pub fn settings(particles: usize) -> RigSettings {
-    RigSettings { particles, edges: particles * 5 / 2, ..RigSettings::default() }
+pub fn settings(particles: usize) -> Recipe {
+    Recipe::with_particles(particles)
 }
 
 pub fn rig(mesh: &Mesh, particles: usize) -> Rig {

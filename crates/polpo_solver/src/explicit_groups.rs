@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Quat, Vec3A};
 
-use crate::groups::second_moment;
+use crate::groups::{check_members, second_moment};
 use crate::joints::Joints;
 use crate::landing::Landing;
 use crate::rigid_groups::{Held, RigidBody};
@@ -147,17 +147,9 @@ impl ExplicitGroups {
         let n = particles.len();
         let mut this = Self { membership: vec![Membership::default(); n], ..Self::default() };
         let (mut rows, mut members) = (vec![0], Vec::new());
-        let mut last: Vec<usize> = vec![usize::MAX; n];
+        check_members(n, groups.iter().map(|g| g.members.as_slice()))?;
         for (g, group) in groups.iter().enumerate() {
-            if group.members.is_empty() {
-                return Err(GroupError::Empty { group: g });
-            }
             for &particle in &group.members {
-                match last.get_mut(particle as usize) {
-                    None => return Err(GroupError::Index { group: g, particle, count: n }),
-                    Some(l) if *l == g => return Err(GroupError::Duplicate { group: g, particle }),
-                    Some(l) => *l = g,
-                }
                 let m = &mut this.membership[particle as usize];
                 m.groups += 1;
                 m.closed += 1;

@@ -78,20 +78,7 @@ impl ImplicitGroups {
     ///
     /// The first group that is empty, names a particle twice or one that does not exist.
     pub fn of(particles: &Particles, rows: &[&[u32]]) -> Result<Self, GroupError> {
-        let count = particles.len();
-        let mut last = vec![usize::MAX; count];
-        for (group, row) in rows.iter().enumerate() {
-            if row.is_empty() {
-                return Err(GroupError::Empty { group });
-            }
-            for &particle in *row {
-                match last.get_mut(particle as usize) {
-                    None => return Err(GroupError::Index { group, particle, count }),
-                    Some(l) if *l == group => return Err(GroupError::Duplicate { group, particle }),
-                    Some(l) => *l = group,
-                }
-            }
-        }
+        check_members(particles.len(), rows.iter().copied())?;
         Ok(Self::sorted(particles, rows.iter().map(|row| row.to_vec()).collect(), &rank(&particles.rest_position)))
     }
 
@@ -205,6 +192,24 @@ pub(crate) fn second_moment(particles: &Particles, i: usize) -> Mat3A {
     let r = particles.radii[i];
     let d = r * r * (particles.mass[i] / 5.0);
     Mat3A::from_cols(q.x_axis * d.x, q.y_axis * d.y, q.z_axis * d.z) * q.transpose()
+}
+
+/// Checks that each group has members, each once, among `count` particles.
+pub(crate) fn check_members<'a>(count: usize, groups: impl Iterator<Item = &'a [u32]>) -> Result<(), GroupError> {
+    let mut last = vec![usize::MAX; count];
+    for (group, members) in groups.enumerate() {
+        if members.is_empty() {
+            return Err(GroupError::Empty { group });
+        }
+        for &particle in members {
+            match last.get_mut(particle as usize) {
+                None => return Err(GroupError::Index { group, particle, count }),
+                Some(l) if *l == group => return Err(GroupError::Duplicate { group, particle }),
+                Some(l) => *l = group,
+            }
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

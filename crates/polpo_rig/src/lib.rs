@@ -11,6 +11,7 @@
 //! Lengths are in the mesh's own unit, which the rest of the house takes to be metres. The same mesh and settings give the same
 //! bytes on every run and every platform: no hash maps, no threads, no platform transcendentals.
 
+mod budget;
 mod build;
 mod clean;
 mod edges;
@@ -18,11 +19,17 @@ mod ellipsoids;
 mod error;
 mod files;
 mod flood;
+mod gltf_accessors;
 mod gltf_buffers;
+mod gltf_document;
 mod mesh;
+mod parts;
+mod polygons;
 mod read;
 mod read_gltf;
 mod read_obj;
+mod read_ply;
+mod read_stl;
 mod rig;
 mod sample;
 mod skin;
@@ -32,5 +39,6 @@ mod voxels;
 pub use build::{RigSettings, build_rig};
 pub use error::{MeshError, RigError, RigFault};
 pub use mesh::{Mesh, MeshHash};
-pub use read::{parse_glb, read_mesh};
+pub use parts::MeshPart;
+pub use read::{parse_glb, parse_mesh, read_mesh};
 pub use rig::{Influences, Particle, Rig};

@@ -128,6 +128,20 @@ pub enum MeshError {
     },
 }
 
+/// The most bytes of a reason; it may quote the file, whose words may be of any length.
+const LONGEST: usize = 300;
+
+/// A reason, cut off where it is too long to read.
+pub(crate) fn shortened(reason: impl ToString) -> String {
+    let mut reason = reason.to_string();
+    if reason.len() > LONGEST {
+        let end = (0..=LONGEST).rev().find(|&i| reason.is_char_boundary(i)).unwrap_or_default();
+        reason.truncate(end);
+        reason.push('…');
+    }
+    reason
+}
+
 /// What is wrong inside a rig, and where.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[non_exhaustive]

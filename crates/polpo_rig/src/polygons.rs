@@ -47,7 +47,7 @@ impl Cutter {
                 .ok_or_else(|| format!("the {} corners of this face and those before are too much to cut", corners.len()))?;
             let [before, after] = ring[at];
             let ear = [flat[before], flat[at], flat[after]];
-            if turn(&ring, at) > 0.0 && !inward.iter().any(|&i| !ear.contains(&flat[i]) && within(flat[i], ear)) {
+            if turn(&ring, at) > 0.0 && !inward.iter().any(|&i| within(flat[i], ear) && !ear.contains(&flat[i])) {
                 triangles.push([corners[before], corners[at], corners[after]]);
                 ring[before][1] = after;
                 ring[after][0] = before;
@@ -134,8 +134,7 @@ mod tests {
     fn concave_polygons_are_cut_inside() {
         let arrow = [[0.0, 0.0], [2.0, 0.0], [0.5, 0.5], [0.0, 2.0]];
         let l = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
-        let comb: Vec<[f32; 2]> =
-            (0..20).map(|i| [i as f32, [0.0, 9.0][i % 2]]).chain([[19.0, 10.0], [0.0, 10.0], [0.0, 5.0]]).collect();
+        let comb: Vec<[f32; 2]> = (0..20).map(|i| [i as f32, [0.0, 9.0][i % 2]]).chain([[19.0, 10.0], [0.0, 10.0], [0.0, 5.0]]).collect();
         // A hole, reached by a bridge there and back.
         let ring = [[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0], [0.0, 0.0], [1.0, 1.0], [1.0, 2.0], [2.0, 2.0], [2.0, 1.0], [1.0, 1.0]];
         for outline in [&arrow[..], &l, &comb, &ring] {

@@ -3,10 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use crate::error::shortened;
 use crate::{Mesh, MeshError, read_gltf, read_obj, read_ply, read_stl};
-
-/// The most bytes of a file's own text that an error repeats.
-const QUOTE: usize = 300;
 
 /// Reads the triangle mesh of a `.glb`, `.gltf`, `.obj`, `.ply` or `.stl` file.
 ///
@@ -81,11 +79,5 @@ impl Format {
 }
 
 pub(crate) fn not_a_mesh(name: &str, reason: impl ToString) -> MeshError {
-    let mut reason = reason.to_string();
-    if reason.len() > QUOTE {
-        let end = (0..=QUOTE).rev().find(|&i| reason.is_char_boundary(i)).unwrap_or_default();
-        reason.truncate(end);
-        reason.push('…');
-    }
-    MeshError::NotAMesh { name: name.into(), reason }
+    MeshError::NotAMesh { name: name.into(), reason: shortened(reason) }
 }

@@ -69,13 +69,7 @@ pub(crate) fn parse(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<M
 }
 
 /// Adds one primitive to the mesh.
-fn append(
-    mesh: &mut Mesh,
-    primitive: &Primitive,
-    accessors: &Accessors,
-    transform: DMat4,
-    budget: &mut Budget,
-) -> Result<(), String> {
+fn append(mesh: &mut Mesh, primitive: &Primitive, accessors: &Accessors, transform: DMat4, budget: &mut Budget) -> Result<(), String> {
     let attributes = &primitive.attributes;
     let position = attributes.position.ok_or("it has no POSITION")?;
     let vertices = accessors.count(position).map_err(|e| format!("POSITION: {e}"))?;
@@ -139,7 +133,12 @@ fn append(
 }
 
 /// An attribute's vectors of `least` to N components.
-fn vectors<const N: usize, T: From<[f32; N]> + Copy>(accessors: &Accessors, index: usize, least: usize, item: &str) -> Result<Vec<T>, String> {
+fn vectors<const N: usize, T: From<[f32; N]> + Copy>(
+    accessors: &Accessors,
+    index: usize,
+    least: usize,
+    item: &str,
+) -> Result<Vec<T>, String> {
     accessors.vectors(index, least).map_err(|e| format!("{item}: {e}"))
 }
 

@@ -76,13 +76,13 @@ pub(crate) fn parse(name: &str, bytes: &[u8]) -> Result<Mesh, MeshError> {
 fn lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     let mut lines = text.lines().enumerate();
     std::iter::from_fn(move || {
-        let (at, first) = lines.next()?;
-        let mut whole = Cow::Borrowed(first);
-        while let Some(start) = whole.strip_suffix('\\') {
-            let next = lines.next().map_or("", |(_, next)| next);
-            let mut joined = start.to_owned();
-            joined.extend([" ", next]);
-            whole = Cow::Owned(joined);
+        let (at, mut line) = lines.next()?;
+        let mut whole = Cow::Borrowed(line);
+        while let Some(start) = line.strip_suffix('\\') {
+            let joined = whole.to_mut();
+            joined.truncate(joined.len() - line.len());
+            line = lines.next().map_or("", |(_, next)| next);
+            joined.extend([start, " ", line]);
         }
         Some((at + 1, whole))
     })

@@ -62,7 +62,8 @@ fn any_unit_and_any_place() {
             let points: String = points.map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect();
             let faces: String = seeds::SIDES.iter().map(|[a, b, c, d]| format!("f {} {} {} {}\n", a + 1, b + 1, c + 1, d + 1)).collect();
             let mesh = read("far.obj", points + &faces);
-            let at = |positions: &[Vec3], triangles: &[[u32; 3]]| triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect::<Vec<_>>();
+            let at =
+                |positions: &[Vec3], triangles: &[[u32; 3]]| triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect::<Vec<_>>();
             let placed: Vec<Vec3> = seeds::corners().into_iter().map(|p| p * scale + offset).collect();
             assert_eq!(at(&mesh.positions, &mesh.triangles), at(&placed, &seeds::triangles()));
             let outwards = |(p, n): (&Vec3, &Vec3)| n.dot((*p - offset) / scale - 0.5) > 0.7;

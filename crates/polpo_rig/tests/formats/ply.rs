@@ -37,7 +37,9 @@ fn floats_are_linear_and_normals_computed() {
 
 #[test]
 fn lists_may_be_of_any_integer() {
-    for (length, kind) in [("char", "char"), ("uchar", "short"), ("short", "ushort"), ("int", "uint"), ("uint32", "uint8"), ("int8", "int16")] {
+    for (length, kind) in
+        [("char", "char"), ("uchar", "short"), ("short", "ushort"), ("int", "uint"), ("uint32", "uint8"), ("int8", "int16")]
+    {
         let text = SQUARE.replace("list uint8 int32", &format!("list {length} {kind}"));
         assert_eq!(read("square.ply", text).triangles.len(), 2);
     }

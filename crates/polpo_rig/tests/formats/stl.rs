@@ -18,7 +18,9 @@ fn binary_solids_are_read() {
 
 #[test]
 fn text_solids_are_parts() {
-    for text in [stl_text(), stl_text().replace('\n', "\r\n"), stl_text().to_uppercase().replace("TOP", "top").replace("UNDER SIDE", "under side")] {
+    for text in
+        [stl_text(), stl_text().replace('\n', "\r\n"), stl_text().to_uppercase().replace("TOP", "top").replace("UNDER SIDE", "under side")]
+    {
         let mesh = read("two.stl", text);
         assert_eq!(mesh.parts, [part("", "under side", "", 0..6, 0..2), part("", "top", "", 6..12, 2..4)]);
         assert_eq!((mesh.normals[0], mesh.normals[6]), (Vec3::NEG_Z, Vec3::Z));
@@ -30,10 +32,13 @@ fn text_solids_are_parts() {
 fn faults_are_named() {
     let mut many = stl_binary("cube");
     many[80..84].fill(255);
+    let mut solid = stl_binary("solid cube");
+    solid[80] = 13;
     let mut nan = stl_binary("cube");
     nan[96..100].copy_from_slice(&f32::NAN.to_le_bytes());
     for (bytes, message) in [
         (many, "4294967295 triangles announced, but the 600 bytes after the header are 12 and 0 more"),
+        (solid, "13 triangles announced, but the 600 bytes after the header are 12 and 0 more"),
         (stl_binary("cube")[..200].to_vec(), "12 triangles announced, but the 116 bytes after the header are 2 and 16 more"),
         (stl_binary("cube")[..80].to_vec(), "neither a text that begins with \"solid\" nor as long as a binary header"),
         (nan, "position 0 is not finite"),

@@ -2,6 +2,7 @@
 
 mod bombs;
 mod counting;
+mod large;
 mod mutate;
 
 #[path = "../seeds/mod.rs"]

@@ -152,14 +152,7 @@ pub fn limb(rings: usize, particles: usize, offset: Vec3) -> (polpo_rig::Mesh, A
     const SIDES: usize = 16;
     let along = |i: usize, n: usize| offset + Vec3::X * (2.0 * i as f32 / (n - 1) as f32 - 1.0);
     let centers: Vec<Vec3> = (0..particles).map(|i| along(i, particles)).collect();
-    let mut mesh = polpo_rig::Mesh {
-        name: "limb".into(),
-        positions: Vec::new(),
-        normals: Vec::new(),
-        colors: Vec::new(),
-        uvs: Vec::new(),
-        triangles: Vec::new(),
-    };
+    let mut mesh = polpo_rig::Mesh { name: "limb".into(), ..Default::default() };
     let mut skin = Vec::new();
     for ring in 0..rings {
         for side in 0..SIDES {

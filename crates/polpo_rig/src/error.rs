@@ -18,8 +18,8 @@ pub enum MeshError {
         /// What the system said.
         source: io::Error,
     },
-    /// The extension is none of `.glb`, `.gltf`, `.obj`.
-    #[error("{name}: extension {extension:?} is not a mesh format read here (glb, gltf, obj)")]
+    /// The extension is none of `.glb`, `.gltf`, `.obj`, `.ply`, `.stl`.
+    #[error("{name}: extension {extension:?} is not a mesh format read here (glb, gltf, obj, ply, stl)")]
     UnknownExtension {
         /// The mesh file.
         name: String,
@@ -34,17 +34,17 @@ pub enum MeshError {
         /// What was wrong, and where.
         reason: String,
     },
-    /// A glTF primitive is not a list of triangles.
-    #[error("{name}: mesh {mesh}, primitive {primitive}: mode {mode} is not supported, only Triangles")]
-    UnsupportedMode {
+    /// A glTF has points or lines, and no triangles beside them.
+    #[error("{name}: mesh {mesh}, primitive {primitive}: mode {mode} has no surface, and nothing else in the file has triangles")]
+    NoSurface {
         /// The mesh file.
         name: String,
-        /// Index of the glTF mesh.
+        /// Index of the first glTF mesh like that.
         mesh: usize,
         /// Index of the primitive in it.
         primitive: usize,
-        /// The mode found.
-        mode: String,
+        /// Its mode: `"Points"`, `"Lines"`, `"LineLoop"` or `"LineStrip"`.
+        mode: &'static str,
     },
     /// There are no vertices.
     #[error("{name}: the mesh is empty, it has no vertices")]
@@ -102,6 +102,16 @@ pub enum MeshError {
         /// The number of vertices.
         vertices: usize,
     },
+    /// The parts don't follow each other from the first vertex and triangle to the last, or a triangle leaves its part.
+    #[error("{name}: part {part}: {reason}")]
+    Part {
+        /// The mesh.
+        name: String,
+        /// Index of the part.
+        part: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// All vertices lie in one point.
     #[error("{name}: the mesh has no extent, all its vertices lie in one point")]
     ZeroExtent {
@@ -116,6 +126,20 @@ pub enum MeshError {
         /// How many triangles there are.
         triangles: usize,
     },
+}
+
+/// The most bytes of a reason; it may quote the file, whose words may be of any length.
+const LONGEST: usize = 300;
+
+/// A reason, cut off where it is too long to read.
+pub(crate) fn shortened(reason: impl ToString) -> String {
+    let mut reason = reason.to_string();
+    if reason.len() > LONGEST {
+        let end = (0..=LONGEST).rev().find(|&i| reason.is_char_boundary(i)).unwrap_or_default();
+        reason.truncate(end);
+        reason.push('…');
+    }
+    reason
 }
 
 /// What is wrong inside a rig, and where.

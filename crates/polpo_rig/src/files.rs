@@ -12,6 +12,7 @@ use ron::extensions::Extensions;
 use ron::ser::PrettyConfig;
 use serde::{Deserialize, Serialize};
 
+use crate::error::shortened;
 use crate::{Rig, RigError};
 
 /// Counts up with every change of the format; a file of another version is refused, not guessed at.
@@ -141,5 +142,5 @@ fn check_version(name: &str, found: u32) -> Result<(), RigError> {
 }
 
 fn not_a_rig(name: &str, reason: impl ToString) -> RigError {
-    RigError::NotARig { name: name.into(), reason: reason.to_string() }
+    RigError::NotARig { name: name.into(), reason: shortened(reason) }
 }

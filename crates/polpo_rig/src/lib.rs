@@ -11,6 +11,7 @@
 //! Lengths are in the mesh's own unit, which the rest of the house takes to be metres. The same mesh and settings give the same
 //! bytes on every run and every platform: no hash maps, no threads, no platform transcendentals.
 
+mod budget;
 mod build;
 mod cells;
 mod clean;
@@ -20,11 +21,17 @@ mod ellipsoids;
 mod error;
 mod files;
 mod flood;
+mod gltf_accessors;
 mod gltf_buffers;
+mod gltf_document;
 mod mesh;
+mod parts;
+mod polygons;
 mod read;
 mod read_gltf;
 mod read_obj;
+mod read_ply;
+mod read_stl;
 mod recipe;
 mod region;
 mod rig;
@@ -38,7 +45,8 @@ pub use cells::{Cells, Facet, Limb};
 pub use edit::Edit;
 pub use error::{MeshError, RigError, RigFault};
 pub use mesh::{Mesh, MeshHash};
-pub use read::{parse_glb, read_mesh};
+pub use parts::MeshPart;
+pub use read::{parse_glb, parse_mesh, read_mesh};
 pub use recipe::{Amount, EdgeAmount, Fidelity, MOST_INFLUENCES, Placement, Recipe, RecipeMaterial};
 pub use region::{GroupKind, Region, RegionRule, Spring, Within};
 pub use rig::{Influences, Particle, Rig};

@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::MeshError;
+use crate::{MeshError, MeshPart};
 
 /// A triangle mesh in its own unit (metres, as the rest of the house takes it), right-handed.
 ///
@@ -25,6 +25,8 @@ pub struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Three vertex indices a triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// What the file is made of, in its order; empty for one part without a name.
+    pub parts: Vec<MeshPart>,
 }
 
 /// A stable fingerprint of a mesh's positions and triangles: a rig carries the one of its mesh.
@@ -42,7 +44,8 @@ impl Mesh {
     ///
     /// # Errors
     /// The first fault found, with the index of the vertex or triangle: no vertices, no triangles, attributes of another length,
-    /// a value that is not finite, a triangle that points beyond the vertices, or all vertices in one point.
+    /// a value that is not finite, a triangle that points beyond the vertices, all vertices in one point, or parts that don't follow
+    /// each other from the first vertex and triangle to the last.
     pub fn validate(&self) -> Result<(), MeshError> {
         let name = || self.name.clone();
         let vertices = self.positions.len();
@@ -82,7 +85,7 @@ impl Mesh {
         if self.positions.iter().all(|p| *p == self.positions[0]) {
             return Err(MeshError::ZeroExtent { name: name() });
         }
-        Ok(())
+        self.check_parts()
     }
 
     /// The fingerprint of positions and triangles, counts included: FNV-1a (64 bit) over their 32-bit words, little end first.
@@ -106,11 +109,21 @@ impl Mesh {
     }
 }
 
+/// A unit vector in the direction of `n`, Y up where there is none; what is not finite stays, for the check to name it.
+pub(crate) fn unit(n: DVec3) -> DVec3 {
+    if n.is_finite() { n.normalize_or(DVec3::Y) } else { n }
+}
+
+/// [`unit`], but a normal that is one already keeps its bits.
+pub(crate) fn unit_normal(n: Vec3) -> Vec3 {
+    if (n.length_squared() - 1.0).abs() < 1e-3 { n } else { unit(n.as_dvec3()).as_vec3() }
+}
+
 /// Normals from the triangles: the sum of the adjacent triangles' area vectors, normalised; Y up where that vanishes.
 ///
 /// Triangles must point into `positions`.
 pub(crate) fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
-    let mut sums = vec![glam::DVec3::ZERO; positions.len()];
+    let mut sums = vec![DVec3::ZERO; positions.len()];
     for t in triangles {
         let [a, b, c] = t.map(|v| positions[v as usize].as_dvec3());
         let area = (b - a).cross(c - a);

@@ -74,8 +74,8 @@ fn a_file_that_is_no_mesh_is_named() {
     let error = |path: &str| read_mesh(Path::new(path)).map(|_| ()).map_err(|e| e.to_string());
     let no_file = error("no/such/file.glb");
     assert!(no_file.as_ref().is_err_and(|e| e.starts_with("no/such/file.glb: cannot be read")), "{no_file:?}");
-    let no_format = error("mesh.stl");
-    assert!(no_format.as_ref().is_err_and(|e| e.starts_with("mesh.stl: extension \"stl\"")), "{no_format:?}");
+    let no_format = error("mesh.fbx");
+    assert!(no_format.as_ref().is_err_and(|e| e.starts_with("mesh.fbx: extension \"fbx\"")), "{no_format:?}");
     let no_mesh = parse_glb("noise", b"not a mesh at all").map(|_| ()).map_err(|e| e.to_string());
     assert!(no_mesh.as_ref().is_err_and(|e| e.starts_with("noise: not a readable mesh")), "{no_mesh:?}");
 }

@@ -5,7 +5,7 @@ use std::fmt;
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::MeshError;
+use crate::{MeshError, MeshPart};
 
 /// A triangle mesh in its own unit (metres, as the rest of the house takes it), right-handed.
 ///
@@ -25,6 +25,8 @@ pub struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Three vertex indices a triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// What the file is made of, in its order; empty for one part without a name.
+    pub parts: Vec<MeshPart>,
 }
 
 /// A stable fingerprint of a mesh's positions and triangles: a rig carries the one of its mesh.

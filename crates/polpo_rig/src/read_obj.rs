@@ -67,6 +67,7 @@ pub(crate) fn parse(name: &str, bytes: &[u8]) -> Result<Mesh, MeshError> {
         colors,
         uvs: uvs.unwrap_or_default(),
         triangles,
+        parts: Vec::new(),
     };
     mesh.validate()?;
     Ok(mesh)

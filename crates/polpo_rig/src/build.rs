@@ -1,6 +1,7 @@
 //! The stages in a row: a mesh in, a rig out.
 
 use crate::clean::Surface;
+use crate::edit::Edits;
 use crate::marks::Marks;
 use crate::sample::Sample;
 use crate::voxels::Voxels;
@@ -101,7 +102,10 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
     let marks = (!recipe.regions.is_empty()).then(|| Marks::new(mesh, &surface, &voxels, &recipe.regions, voxels.len() / wanted));
     progress(Stage::Sample);
     let divided = marks.as_ref().map(|marks| marks.divide(&voxels));
-    let sample = Sample::new(divided.as_ref().unwrap_or(&voxels), wanted);
+    let spread_over = divided.as_ref().unwrap_or(&voxels);
+    let mut sample = Sample::new(spread_over, wanted);
+    let mut edits = Edits::new(&recipe.edits, &surface);
+    edits.place(spread_over, &mut sample);
     drop(divided);
     progress(Stage::Edges);
     let edges = match recipe.edges {
@@ -109,7 +113,8 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
         EdgeAmount::Count(n) => n,
         EdgeAmount::Length(_) => 0,
     };
-    let edges = edges::connect(&voxels, &sample, edges);
+    let mut edges = edges::connect(&voxels, &sample, edges);
+    edits.tie(&voxels, &sample, &mut edges);
     progress(Stage::Ellipsoids);
     let ellipsoids = ellipsoids::fit(&surface, &voxels, &sample);
     progress(Stage::Skin);
@@ -136,6 +141,6 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
     let (regions, empty) = marks.map(|marks| marks.regions(&sample)).unwrap_or_default();
     let rig = Rig { mesh_hash: mesh.hash(), particles, edges, skin, regions, ..Rig::default() };
     rig.validate_as(&mesh.name)?;
-    let notes = empty.into_iter().map(|name| Note::EmptyRegion { name }).collect();
+    let notes = empty.into_iter().map(|name| Note::EmptyRegion { name }).chain(edits.notes()).collect();
     Ok(Built { rig, notes })
 }

@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::clean::{DisjointSets, Surface};
+use crate::clean::Surface;
 use crate::paint::{Hit, hits, spread};
 use crate::region::Region;
 use crate::sample::Sample;
@@ -152,15 +152,7 @@ impl Marks {
 
 /// The first voxel of the piece that each voxel is in; where marks change another piece begins.
 fn pieces_of(voxels: &Voxels, marks: &[u32]) -> Vec<u32> {
-    let mut sets = DisjointSets::new(voxels.len());
-    for v in 0..voxels.len() as u32 {
-        for (next, _) in voxels.neighbours(v) {
-            if marks[v as usize] == marks[next as usize] {
-                sets.join(v, next);
-            }
-        }
-    }
-    (0..voxels.len() as u32).map(|v| sets.root(v)).collect()
+    voxels.roots(|a, b| marks[a as usize] == marks[b as usize])
 }
 
 /// Gives scraps, pieces of less than `least` voxels, the mark that most of what they touch has. The largest piece of a region is none.

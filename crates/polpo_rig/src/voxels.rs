@@ -161,13 +161,18 @@ impl Voxels {
 
     /// The voxel that stands for each connected part of the body: its first.
     pub(crate) fn parts(&self) -> Vec<u32> {
+        (0..).zip(self.roots(|_, _| true)).filter(|(v, root)| v == root).map(|(v, _)| v).collect()
+    }
+
+    /// For every voxel the first one of what it hangs together with, by those links that `keeps` keeps.
+    pub(crate) fn roots(&self, keeps: impl Fn(u32, u32) -> bool) -> Vec<u32> {
         let mut sets = DisjointSets::new(self.len());
         for v in 0..self.len() as u32 {
-            for (n, _) in self.neighbours(v) {
-                sets.join(v, n);
+            for (next, _) in self.neighbours(v).filter(|&(next, _)| keeps(v, next)) {
+                sets.join(v, next);
             }
         }
-        (0..self.len() as u32).filter(|&v| sets.root(v) == v).collect()
+        (0..self.len() as u32).map(|v| sets.root(v)).collect()
     }
 }
 

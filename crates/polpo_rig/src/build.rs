@@ -1,6 +1,8 @@
 //! The stages in a row: a mesh in, a rig out.
 
 use crate::clean::Surface;
+use crate::edit::Edits;
+use crate::marks::Marks;
 use crate::sample::Sample;
 use crate::voxels::Voxels;
 use crate::{Amount, EdgeAmount, Mesh, Particle, Recipe, Rig, RigError, edges, ellipsoids, skin};
@@ -24,8 +26,8 @@ pub enum Note {
         /// How many there are.
         parts: usize,
     },
-    /// A region took nothing of the mesh, or no particle.
-    #[error("region {name:?} has no particle")]
+    /// A region has no particle, or one of its rules took nothing of the mesh.
+    #[error("region {name:?}: a rule of it holds nowhere, or it has no particle")]
     EmptyRegion {
         /// The region.
         name: String,
@@ -66,7 +68,7 @@ impl Stage {
 ///
 /// The mesh may be of any size, open, in several parts, or hold degenerate and doubled triangles: parts thinner than a voxel (about a
 /// tenth of the particles' spacing) weigh as if they were a voxel thick, parts that overlap are one body, parts that are apart are
-/// tied by one edge to the nearest. The same shape at another scale gives the same rig at that scale, up to rounding.
+/// tied by one edge to the nearest. A region is sampled as if it were a part of its own, so it has a particle at least. The same shape at another scale gives the same rig at that scale, up to rounding.
 ///
 /// Takes about a second for 300 particles; about 100 MB at most.
 ///
@@ -97,15 +99,22 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
         let name = mesh.name.clone();
         return Err(RigError::TooFewVoxels { name, wanted, voxels: voxels.len() });
     }
+    let marks = (!recipe.regions.is_empty()).then(|| Marks::new(mesh, &surface, &voxels, &recipe.regions, voxels.len() / wanted));
     progress(Stage::Sample);
-    let sample = Sample::new(&voxels, wanted);
+    let divided = marks.as_ref().map(|marks| marks.divide(&voxels));
+    let spread_over = divided.as_ref().unwrap_or(&voxels);
+    let mut sample = Sample::new(spread_over, wanted);
+    let mut edits = Edits::new(&recipe.edits, &surface);
+    edits.place(spread_over, &mut sample);
+    drop(divided);
     progress(Stage::Edges);
     let edges = match recipe.edges {
         EdgeAmount::PerParticle(n) => (f64::from(n) * sample.positions.len() as f64).round() as usize,
         EdgeAmount::Count(n) => n,
         EdgeAmount::Length(_) => 0,
     };
-    let edges = edges::connect(&voxels, &sample, edges);
+    let mut edges = edges::connect(&voxels, &sample, edges);
+    edits.tie(&voxels, &sample, &mut edges);
     progress(Stage::Ellipsoids);
     let ellipsoids = ellipsoids::fit(&surface, &voxels, &sample);
     progress(Stage::Skin);
@@ -116,13 +125,22 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
     let volume = surface.volume().filter(|v| (0.8..1.25).contains(&(v / counted))).unwrap_or(counted);
     let scale = surface.scale;
     let voxel_mass = f64::from(recipe.density) * scale * scale * scale * volume / voxels.len() as f64;
-    let particles = ellipsoids.iter().zip(&sample.volumes).map(|(e, &volume)| Particle {
+    // In voxels of the body's own density.
+    let mut weights = vec![0.0; sample.positions.len()];
+    for (voxel, &owner) in (0..).zip(&sample.owner) {
+        let density = marks.as_ref().and_then(|marks| marks.density(voxel));
+        weights[owner as usize] += density.map_or(1.0, |density| f64::from(density) / f64::from(recipe.density));
+    }
+    let particles = ellipsoids.iter().zip(weights).map(|(e, weight)| Particle {
         position: (surface.origin + e.centre * surface.scale).as_vec3(),
         frame: e.rotation().as_quat(),
         radii: (e.radii * surface.scale).as_vec3(),
-        mass: (voxel_mass * f64::from(volume)) as f32,
+        mass: (voxel_mass * weight) as f32,
     });
-    let rig = Rig { mesh_hash: mesh.hash(), particles: particles.collect(), edges, skin, ..Rig::default() };
+    let particles = particles.collect();
+    let (regions, empty) = marks.map(|marks| marks.regions(&sample)).unwrap_or_default();
+    let rig = Rig { mesh_hash: mesh.hash(), particles, edges, skin, regions, ..Rig::default() };
     rig.validate_as(&mesh.name)?;
-    Ok(Built { rig, notes: Vec::new() })
+    let notes = empty.into_iter().map(|name| Note::EmptyRegion { name }).chain(edits.notes()).collect();
+    Ok(Built { rig, notes })
 }

@@ -328,8 +328,19 @@ pub enum RigError {
         /// What was wrong, and where in the file if known.
         reason: String,
     },
+    /// The bytes are not a glTF that a rig can be put into or taken from.
+    #[error("{name}: not a glTF to hold a rig: {reason}")]
+    NotAGltf {
+        /// The glTF file.
+        name: String,
+        /// What was wrong.
+        reason: String,
+    },
     /// The file is of another version of the format.
-    #[error("{name}: rig format version {found}, this library reads version {expected}")]
+    #[error(
+        "{name}: rig format version {found}, this library reads version {expected}: {}",
+        if found < expected { "rig the mesh anew" } else { "it was made by a newer one" }
+    )]
     Version {
         /// The rig file.
         name: String,

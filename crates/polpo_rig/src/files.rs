@@ -4,6 +4,9 @@
 //! .ron   (version: 2, rig: (mesh_hash: (..), particles: [..], edges: [..], skin: [..], regions: [..], cells: ..))
 //! .rig   "POLPORIG", the version as u32 with its little end first, then the rig in postcard's wire format
 //! ```
+//!
+//! A list in a `.rig` begins with its length, which a broken file may put at anything: no more is set aside for it than a mebibyte, and the
+//! file ends long before the list does.
 
 use std::fs;
 use std::path::Path;
@@ -83,7 +86,10 @@ impl Rig {
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| not_a_rig(name, "it does not start with POLPORIG"))?;
         let (version, body) = body.split_first_chunk::<4>().ok_or_else(|| not_a_rig(name, "it ends in its version"))?;
         check_version(name, u32::from_le_bytes(*version))?;
-        let (rig, rest) = postcard::take_from_bytes::<Rig>(body).map_err(|e| not_a_rig(name, e))?;
+        let (rig, rest) = postcard::take_from_bytes::<Rig>(body).map_err(|e| match e {
+            postcard::Error::DeserializeUnexpectedEnd => not_a_rig(name, "it ends too early"),
+            other => not_a_rig(name, other),
+        })?;
         if !rest.is_empty() {
             return Err(not_a_rig(name, format_args!("{} bytes are left over at its end", rest.len())));
         }
@@ -141,6 +147,6 @@ fn check_version(name: &str, found: u32) -> Result<(), RigError> {
     if found == VERSION { Ok(()) } else { Err(RigError::Version { name: name.into(), found, expected: VERSION }) }
 }
 
-fn not_a_rig(name: &str, reason: impl ToString) -> RigError {
+pub(crate) fn not_a_rig(name: &str, reason: impl ToString) -> RigError {
     RigError::NotARig { name: name.into(), reason: shortened(reason) }
 }

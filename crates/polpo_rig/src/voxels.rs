@@ -115,15 +115,64 @@ impl Voxels {
         all.min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
     }
 
-    /// The voxel that stands for each connected part of the body: its first.
-    pub(crate) fn parts(&self) -> Vec<u32> {
-        let mut sets = DisjointSets::new(self.len());
-        for v in 0..self.len() as u32 {
-            for (n, _) in self.neighbours(v) {
-                sets.join(v, n);
+    /// The voxels inside each part of the surface, as (part, voxel), sorted: parts that overlap share some, and the skin's own may be in none.
+    pub(crate) fn inside(&self, surface: &Surface) -> Vec<(u32, u32)> {
+        let grid = Grid { resolution: 1.0 / self.size, size: self.size, origin: self.origin, dims: self.dims, bits: Vec::new() };
+        // Part, voxel, whether the ray abstains.
+        let mut votes: Vec<(u32, u32, bool)> = Vec::new();
+        for axis in 0..3 {
+            let (crossings, spans) = grid.crossings(surface, axis);
+            for ray in crossings.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+                let (part, at, _) = ray[0];
+                let mut cell = grid.column(axis, at);
+                let mut vote = |from: u32, to: u32, abstains: bool| {
+                    for w in from..to {
+                        cell[axis] = w as i32;
+                        votes.extend(self.at_cell(cell).map(|voxel| (part, voxel, abstains)));
+                    }
+                };
+                let (solid, odd) = ray.as_chunks::<2>();
+                if odd.is_empty() {
+                    solid.iter().for_each(|[enter, leave]| vote(enter.2, leave.2, false));
+                } else {
+                    vote(spans[&part].0, spans[&part].1, true);
+                }
             }
         }
-        (0..self.len() as u32).filter(|&v| sets.root(v) == v).collect()
+        votes.sort_unstable();
+        let most = |votes: &&[(u32, u32, bool)]| {
+            let abstain = votes.iter().filter(|vote| vote.2).count();
+            2 * (votes.len() - abstain) > 3 - abstain
+        };
+        votes.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(most).map(|votes| (votes[0].0, votes[0].1)).collect()
+    }
+
+    /// The same voxels with those links alone that `keeps` keeps.
+    pub(crate) fn divided(&self, keeps: impl Fn(u32, u32) -> bool) -> Voxels {
+        let mut first = vec![0];
+        let mut links = Vec::with_capacity(self.links.len());
+        for (v, range) in (0..).zip(self.first.windows(2)) {
+            let here = &self.links[range[0] as usize..range[1] as usize];
+            links.extend(here.iter().filter(|link| keeps(v, **link >> 2)));
+            first.push(links.len() as u32);
+        }
+        Voxels { grid: self.grid.clone(), cells: self.cells.clone(), first, links, ..*self }
+    }
+
+    /// The voxel that stands for each connected part of the body: its first.
+    pub(crate) fn parts(&self) -> Vec<u32> {
+        (0..).zip(self.roots(|_, _| true)).filter(|(v, root)| v == root).map(|(v, _)| v).collect()
+    }
+
+    /// For every voxel the first one of what it hangs together with, by those links that `keeps` keeps.
+    pub(crate) fn roots(&self, keeps: impl Fn(u32, u32) -> bool) -> Vec<u32> {
+        let mut sets = DisjointSets::new(self.len());
+        for v in 0..self.len() as u32 {
+            for (next, _) in self.neighbours(v).filter(|&(next, _)| keeps(v, next)) {
+                sets.join(v, next);
+            }
+        }
+        (0..self.len() as u32).map(|v| sets.root(v)).collect()
     }
 }
 
@@ -171,8 +220,8 @@ impl Grid {
         grid
     }
 
-    /// Casts a ray along one axis through every column of voxel centres.
-    fn cast_rays(&mut self, surface: &Surface, axis: usize) {
+    /// Casts a ray along one axis through every column of voxel centres: where each crosses the skin, sorted, and from where to where the parts reach.
+    fn crossings(&self, surface: &Surface, axis: usize) -> (Vec<Crossing>, BTreeMap<u32, (u32, u32)>) {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let depth = self.dims[axis] as u32;
         let mut crossings: Vec<Crossing> = Vec::new();
@@ -203,11 +252,24 @@ impl Grid {
             }
         }
         crossings.sort_unstable();
+        (crossings, spans)
+    }
+
+    /// The first cell of a ray.
+    fn column(&self, axis: usize, at: u32) -> IVec3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut cell = IVec3::ZERO;
+        cell[u] = (at / self.dims[v] as u32) as i32;
+        cell[v] = (at % self.dims[v] as u32) as i32;
+        cell
+    }
+
+    /// Marks what the rays along one axis say.
+    fn cast_rays(&mut self, surface: &Surface, axis: usize) {
+        let (crossings, spans) = self.crossings(surface, axis);
         for ray in crossings.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             let (part, at, _) = ray[0];
-            let mut cell = IVec3::ZERO;
-            cell[u] = (at / self.dims[v] as u32) as i32;
-            cell[v] = (at % self.dims[v] as u32) as i32;
+            let cell = self.column(axis, at);
             if ray.len() % 2 == 1 {
                 let (from, to) = spans[&part];
                 self.set(cell, axis, from..to, ABSTAINS << axis);

@@ -57,6 +57,53 @@ fn other_versions_and_other_files_are_refused() {
     assert!(matches!(Rig::read("no/such.rig"), Err(RigError::Io { .. })));
 }
 
+/// What the errors say to somebody who has only the file.
+#[test]
+fn what_does_not_fit_is_told() {
+    let says = |rig: Result<Rig, RigError>| rig.map_err(|e| e.to_string()).err().unwrap_or_default();
+    let text = small().to_ron().expect("a whole rig");
+    let bytes = small().to_postcard().expect("a whole rig");
+    let version = |version: u8| {
+        let mut bytes = bytes.clone();
+        bytes[8] = version;
+        bytes
+    };
+    let older = "a.rig: rig format version 1, this library reads version 2: rig the mesh anew";
+    let newer = "a.rig: rig format version 3, this library reads version 2: it was made by a newer one";
+    assert_eq!(says(Rig::from_postcard("a.rig", &version(1))), older);
+    assert_eq!(says(Rig::from_postcard("a.rig", &version(3))), newer);
+    // Whatever else an older text holds.
+    assert_eq!(says(Rig::from_ron("a.rig", "(version: 1, rig: (colour: Red, springs: [(1, \"x\")]))")), older);
+    assert_eq!(says(Rig::from_postcard("a.rig", &bytes[..11])), "a.rig: not a rig: it ends in its version");
+    assert_eq!(says(Rig::from_postcard("a.rig", &bytes[..bytes.len() - 1])), "a.rig: not a rig: it ends too early");
+    let longer = [&bytes[..], b"ab"].concat();
+    assert_eq!(says(Rig::from_postcard("a.rig", &longer)), "a.rig: not a rig: 2 bytes are left over at its end");
+    for end in (20..text.len() - 2).step_by(97) {
+        let error = says(Rig::from_ron("a.ron", &text[..end]));
+        assert!(error.starts_with("a.ron: not a rig: "), "{end}: {error}");
+    }
+    assert!(says(Rig::from_ron("a.ron", &format!("{text}x"))).starts_with("a.ron: not a rig: "));
+}
+
+/// Lists that say they hold 2⁴⁰ items, and brackets in brackets: neither memory nor stack is spent on them.
+#[test]
+fn what_a_file_announces_is_not_believed() {
+    let most = [0x80, 0x80, 0x80, 0x80, 0x80, 0x20];
+    let start = [b"POLPORIG".as_slice(), &[2, 0, 0, 0, 9]].concat();
+    // Particles, edges, skin, regions; a name in a region; volumes of cells.
+    for before in [&[][..], &[0], &[0, 0], &[0, 0, 0], &[0, 0, 0, 1], &[0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]] {
+        for tail in [0, 64] {
+            let bytes = [&start, before, &most[..], &vec![0; tail]].concat();
+            assert!(matches!(Rig::from_postcard("huge", &bytes), Err(RigError::NotARig { .. })), "{before:?}");
+        }
+    }
+    for deep in ["(", "[", "Some(", "{a:"] {
+        for text in [deep.repeat(100_000), format!("(version: 2, rig: {}", deep.repeat(100_000))] {
+            assert!(matches!(Rig::from_ron("deep", &text), Err(RigError::NotARig { .. })));
+        }
+    }
+}
+
 #[test]
 fn a_broken_rig_is_neither_written_nor_read() {
     let mut broken = small();

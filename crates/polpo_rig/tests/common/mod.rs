@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use glam::{IVec3, Vec3};
-use polpo_rig::{Mesh, Recipe, Rig, build_rig};
+use polpo_rig::{Mesh, MeshPart, Recipe, Rig, build_rig};
 
 /// A closed mesh around unit cubes, moved by `place` to where its corners are to be. Sides inside the shape are left out, corners are
 /// shared. Every face of a cube is cut into `cuts` × `cuts` squares.
@@ -92,6 +92,47 @@ pub fn both(mut a: Mesh, b: Mesh) -> Mesh {
     a.normals.extend(b.normals);
     a.triangles.extend(b.triangles.iter().map(|t| t.map(|v| v + base)));
     a
+}
+
+/// A piece of a mesh: names of node, mesh and material, and where its points go.
+pub type Piece<'a> = (&'a str, &'a str, &'a str, Mesh, &'a dyn Fn(Vec3) -> Vec3);
+
+/// Meshes in one, a part each.
+pub fn assemble(meshes: &[Piece]) -> Mesh {
+    let mut whole = Mesh { name: "parts".into(), ..Mesh::default() };
+    for &(node, name, material, ref mesh, place) in meshes {
+        let [vertices, triangles] = [whole.positions.len() as u32, whole.triangles.len() as u32];
+        whole = both(whole, Mesh { positions: mesh.positions.iter().map(|&p| place(p)).collect(), ..mesh.clone() });
+        whole.parts.push(MeshPart {
+            node: node.into(),
+            name: name.into(),
+            material: material.into(),
+            vertices: vertices..whole.positions.len() as u32,
+            triangles: triangles..whole.triangles.len() as u32,
+        });
+    }
+    whole
+}
+
+/// Where the wheels of [`truck`] begin.
+pub const WHEELS: [[f32; 3]; 4] = [[0.2, 0.0, 0.0], [0.2, 0.0, 0.7], [2.3, 0.0, 0.0], [2.3, 0.0, 0.7]];
+
+/// A chassis of 3 × 0.5 × 1 on four wheels of 0.5 × 0.5 × 0.3 that touch it from below, nodes `Chassis` and `Wheel 0` to `Wheel 3`.
+pub fn truck() -> Mesh {
+    truck_on(WHEELS)
+}
+
+/// [`truck`] with its wheels elsewhere.
+pub fn truck_on(wheels: [[f32; 3]; 4]) -> Mesh {
+    let chassis = block([3, 1, 1], 2, Vec3::new(3.0, 0.5, 1.0));
+    let up = |p: Vec3| p + Vec3::Y * 0.5;
+    let mut meshes: Vec<Piece> = vec![("Chassis", "Box", "paint", chassis, &up)];
+    let places = wheels.map(|at| move |p: Vec3| p + Vec3::from(at));
+    let names = ["Wheel 0", "Wheel 1", "Wheel 2", "Wheel 3"];
+    for (name, place) in names.into_iter().zip(&places) {
+        meshes.push((name, "Wheel", "rubber", block([1, 1, 1], 1, Vec3::new(0.5, 0.5, 0.3)), place));
+    }
+    assemble(&meshes)
 }
 
 pub fn moved(mut mesh: Mesh, by: Vec3) -> Mesh {

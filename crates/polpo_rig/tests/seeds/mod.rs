@@ -3,7 +3,7 @@
 #![allow(unreachable_pub, reason = "shared by the test files, which have no library of their own")]
 
 use glam::{Quat, Vec3};
-use polpo_rig::{Influences, MeshHash, Particle, Rig};
+use polpo_rig::{Influences, MeshHash, Particle, Region, Rig};
 
 /// The corners of a unit cube, x fastest.
 pub fn corners() -> Vec<Vec3> {
@@ -194,6 +194,8 @@ pub fn rig() -> Rig {
         mesh_hash: MeshHash(7),
         particles: [0.0, 1.0, 2.0].map(particle).to_vec(),
         edges: vec![[0, 1], [1, 2]],
-        skin: vec![Influences { particles: [0, 1, 2, 0], weights: [0.5, 0.25, 0.25, 0.0] }; 4],
+        skin: vec![Influences::new(&[(0, 0.5), (1, 0.25), (2, 0.25)]); 4],
+        regions: vec![Region { name: "tail".into(), particles: vec![1, 2], friction: Some(0.5), ..Region::default() }],
+        cells: None,
     }
 }

@@ -79,7 +79,13 @@ impl MeshFigures {
     pub(crate) fn tell(&self, text: &mut String) {
         let [x, y, z] = self.size_m.map(digits);
         // Writing to a string does not fail.
-        let _ = writeln!(text, "mesh       {} triangles, {} vertices, {x} × {y} × {z} m, {} m³", self.triangles, self.vertices, digits(self.volume_m3 as f32));
+        let _ = writeln!(
+            text,
+            "mesh       {} triangles, {} vertices, {x} × {y} × {z} m, {} m³",
+            self.triangles,
+            self.vertices,
+            digits(self.volume_m3 as f32)
+        );
     }
 }
 
@@ -130,10 +136,15 @@ impl RigFigures {
         let _ = writeln!(text, "  spacing  {}", spread(&self.spacing_m));
         let _ = writeln!(text, "edges      {}, {:.2} a particle{whole}", self.edges, self.edges_per_particle);
         let _ = writeln!(text, "  lengths  {}", spread(&self.edge_m));
-        let _ = writeln!(text, "skin       {} vertices, {:.2} influences each, {} at most", self.vertices, self.influences_per_vertex, self.most_influences);
+        let _ = writeln!(
+            text,
+            "skin       {} vertices, {:.2} influences each, {} at most",
+            self.vertices, self.influences_per_vertex, self.most_influences
+        );
         for region in &self.regions {
             let group = region.group.map_or(String::new(), |g| format!(", one {g} piece"));
-            let _ = writeln!(text, "region     {}: {} particles, {} kg{group}", region.name, region.particles, digits(region.mass_kg as f32));
+            let _ =
+                writeln!(text, "region     {}: {} particles, {} kg{group}", region.name, region.particles, digits(region.mass_kg as f32));
         }
         if let (Some(facets), Some(modulus)) = (self.facets, self.youngs_modulus_pa) {
             let _ = writeln!(text, "material   {} Pa by {facets} facets", digits(modulus));

@@ -107,7 +107,10 @@ fn draw(png: &Path, path: &Path, rig: Option<&Rig>, mesh: Option<&Mesh>, report:
             glass: Some(draw_mesh::glass(mesh)),
         });
         panels.push(Panel {
-            title: ["weights".into(), format!("{:.1} influences a vertex, {} at most", figures.influences_per_vertex, figures.most_influences)],
+            title: [
+                "weights".into(),
+                format!("{:.1} influences a vertex, {} at most", figures.influences_per_vertex, figures.most_influences),
+            ],
             model: draw_mesh::weights(mesh, &rig.skin, &palette),
             glass: None,
         });

@@ -34,7 +34,9 @@ enum Command {
     #[command(after_help = "Exit codes: 0 the rig was made, 2 it could not be.")]
     Rig(rig::Arguments),
     /// Tell the numbers and faults of a rig or a mesh, and draw it.
-    #[command(after_help = "Exit codes: 0 all is well, 1 the rig's edges leave it in pieces, 2 a file cannot be read or mesh and rig do not go together.")]
+    #[command(
+        after_help = "Exit codes: 0 all is well, 1 the rig's edges leave it in pieces, 2 a file cannot be read or mesh and rig do not go together."
+    )]
     Inspect(inspect::Arguments),
     /// Drop a body on a floor and tell what becomes of it, or run the references.
     #[command(after_help = simulate::EXIT_CODES)]

@@ -9,6 +9,7 @@ use crate::error::CliError;
 
 /// What every command takes.
 #[derive(clap::Args, Debug, Clone)]
+#[command(next_help_heading = "Report")]
 pub(crate) struct Output {
     /// Write the result as JSON to FILE; to standard output, in place of the report, if it is `-`.
     #[arg(long, value_name = "FILE")]
@@ -68,8 +69,10 @@ pub(crate) fn digits(x: f32) -> String {
     if x == 0.0 || !x.is_finite() {
         return format!("{x}");
     }
-    let before = x.abs().log10().floor() as i32;
-    if (-4..6).contains(&before) { format!("{x:.*}", (2 - before).max(0) as usize) } else { format!("{x:.2e}") }
+    // Rounded first: 0.9999 is 1.00.
+    let rounded = format!("{x:.2e}");
+    let before = rounded.rsplit('e').next().and_then(|e| e.parse::<i32>().ok()).unwrap_or(0);
+    if (-4..6).contains(&before) { format!("{x:.*}", (2 - before).max(0) as usize) } else { rounded }
 }
 
 #[cfg(test)]
@@ -78,7 +81,10 @@ mod tests {
 
     #[test]
     fn three_digits_count() {
-        assert_eq!([0.0, 0.012_345, 1.0, 123.4, 98765.0, 1.5e9, f32::NAN].map(digits), ["0", "0.0123", "1.00", "123", "98765", "1.50e9", "NaN"]);
+        assert_eq!(
+            [0.0, 0.012_345, 0.999_99, 123.4, 98765.0, 1.5e9, f32::NAN].map(digits),
+            ["0", "0.0123", "1.00", "123", "98765", "1.50e9", "NaN"]
+        );
     }
 
     #[test]

@@ -78,7 +78,8 @@ impl MaterialOptions {
     /// `material` with what was given; none if there is no Young's modulus.
     pub(crate) fn over(&self, material: Option<RecipeMaterial>) -> Option<RecipeMaterial> {
         let youngs_modulus = self.youngs_modulus.or(material.map(|m| m.youngs_modulus))?;
-        let old = material.unwrap_or(RecipeMaterial { youngs_modulus, poissons_ratio: 0.3, retardation: 0.0, fidelity: Fidelity::default() });
+        let old =
+            material.unwrap_or(RecipeMaterial { youngs_modulus, poissons_ratio: 0.3, retardation: 0.0, fidelity: Fidelity::default() });
         Some(RecipeMaterial {
             youngs_modulus,
             poissons_ratio: self.poissons_ratio.unwrap_or(old.poissons_ratio),

@@ -3,14 +3,14 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use polpo_rig::{Mesh, Rig, read_mesh};
+use polpo_rig::{RigError, read_mesh};
 use serde::Serialize;
 
 use crate::error::CliError;
 use crate::figures::{MeshFigures, RigFigures};
 use crate::output::Output;
 use crate::recipe::{self, RecipeOptions};
-use crate::{drop, progress};
+use crate::{drop, progress, source};
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -51,11 +51,16 @@ struct Report {
 /// Whether it was done, which it was if there is no error.
 pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     let path = &arguments.mesh;
+    let target = arguments.output.clone().unwrap_or_else(|| path.with_extension("rig"));
+    // Before the work, not after it.
+    if !source::is_rig(&target) {
+        let extension = target.extension().map(|e| e.to_string_lossy().into_owned()).unwrap_or_default();
+        return Err(RigError::UnknownExtension { name: target.display().to_string(), extension }.into());
+    }
     let mesh = read_mesh(path)?;
     let (used, file) = arguments.recipe.recipe(path)?;
     let (built, stages) = progress::build(&mesh, &used, arguments.print.quiet)?;
     let rig = built.rig;
-    let target = arguments.output.clone().unwrap_or_else(|| path.with_extension("rig"));
     let mut report = Report {
         mesh: MeshFigures::of(&mesh),
         rig: RigFigures::of(&rig),
@@ -67,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     };
     let mut recipe_file = None;
     if !arguments.dry_run {
-        write(&rig, &mesh, &target)?;
+        rig.write(&target)?;
         report.written = Some(target);
         if let Some(to) = &arguments.write_recipe {
             let to = to.clone().unwrap_or_else(|| recipe::own(path));
@@ -78,11 +83,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     }
     arguments.print.give(&report, &tell(&report, recipe_file.as_deref()))?;
     Ok(true)
-}
-
-/// Writes the rig as the extension says.
-fn write(rig: &Rig, _mesh: &Mesh, to: &Path) -> Result<(), CliError> {
-    Ok(rig.write(to)?)
 }
 
 fn tell(report: &Report, recipe_file: Option<&Path>) -> String {

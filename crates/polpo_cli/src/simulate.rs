@@ -164,7 +164,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     bar.finish_and_clear();
     let landing = landing?;
     let meshes = match &source.mesh {
-        Some(mesh) => landing.bodies.iter().map(|b| skinned(mesh, &rig, &b.pose)).collect::<Result<Vec<Mesh>, _>>().map_err(PictureError::from)?,
+        Some(mesh) => {
+            landing.bodies.iter().map(|b| skinned(mesh, &rig, &b.pose)).collect::<Result<Vec<Mesh>, _>>().map_err(PictureError::from)?
+        }
         None => Vec::new(),
     };
     let report = report(&source, &fall, size, &landing, &meshes);
@@ -236,7 +238,11 @@ fn report(source: &Source, fall: &Fall, size: f32, landing: &Landing, meshes: &[
         report.faults.push(format!("a body was {} m deep in the floor, more than 1 % of its size", digits(report.penetration_m)));
     }
     if report.edge_strain > LONGEST {
-        report.faults.push(format!("an edge was {:.0} % longer than at rest, more than {:.0} %", 100.0 * report.edge_strain, 100.0 * LONGEST));
+        report.faults.push(format!(
+            "an edge was {:.0} % longer than at rest, more than {:.0} %",
+            100.0 * report.edge_strain,
+            100.0 * LONGEST
+        ));
     }
     report
 }
@@ -249,7 +255,13 @@ fn tell(report: &Report, by_itself: bool) -> String {
         let _ = writeln!(text, "note       {note}");
     }
     let bodies = if report.bodies == 1 { "1 body".into() } else { format!("{} bodies", report.bodies) };
-    let _ = writeln!(text, "scene      {bodies} of {} particles, {} kg, {} m", report.particles, digits(report.mass_kg as f32), digits(report.size_m));
+    let _ = writeln!(
+        text,
+        "scene      {bodies} of {} particles, {} kg, {} m",
+        report.particles,
+        digits(report.mass_kg as f32),
+        digits(report.size_m)
+    );
     if (report.scale - 1.0).abs() > 1e-4 {
         let say = if by_itself { "; --size SIZE says otherwise" } else { "" };
         let _ = writeln!(text, "  scaled   by {} to {} m{say}", digits(report.scale), digits(report.size_m));
@@ -264,13 +276,24 @@ fn tell(report: &Report, by_itself: bool) -> String {
     let mesh = report.mesh_penetration_m.map_or(String::new(), |m| format!("; of the mesh {} mm", mm(m)));
     let _ = writeln!(text, "in floor   {} mm at most, {} mm at the end{mesh}", mm(report.penetration_m), mm(report.penetration_at_end_m));
     let _ = writeln!(text, "height     {} m of {} m at rest", digits(report.height_m), digits(report.rest_height_m));
-    let _ = writeln!(text, "edges      {:.1} % longer at most, {:.1} % at the end", 100.0 * report.edge_strain, 100.0 * report.edge_strain_at_end);
+    let _ = writeln!(
+        text,
+        "edges      {:.1} % longer at most, {:.1} % at the end",
+        100.0 * report.edge_strain,
+        100.0 * report.edge_strain_at_end
+    );
     let asleep = match report.asleep_after_s {
         Some(after) if report.asleep => format!("asleep after {} s", digits(after)),
         _ => "awake".into(),
     };
     let _ = writeln!(text, "at the end {asleep}, fastest particle {} m/s", digits(report.speed_m_s));
-    let _ = writeln!(text, "step       {} ms best, {} ms median, awake, {} threads", digits(report.step_ms_best), digits(report.step_ms_median), report.threads);
+    let _ = writeln!(
+        text,
+        "step       {} ms best, {} ms median, awake, {} threads",
+        digits(report.step_ms_best),
+        digits(report.step_ms_median),
+        report.threads
+    );
     for fault in &report.faults {
         let _ = writeln!(text, "FAULT      {fault}");
     }
@@ -285,7 +308,11 @@ fn draw(png: &Path, path: &Path, rig: &Rig, landing: &Landing, meshes: &[Mesh], 
     landing.bodies.iter().for_each(|body| particles.add(draw_rig::ellipsoids(rig, &body.pose, &palette)));
     let panels = [
         Panel { title: [name, format!("after {} s on the floor", digits(report.seconds))], model: skin, glass: None },
-        Panel { title: ["particles".into(), format!("{} m of {} m high", digits(report.height_m), digits(report.rest_height_m))], model: particles, glass: None },
+        Panel {
+            title: ["particles".into(), format!("{} m of {} m high", digits(report.height_m), digits(report.rest_height_m))],
+            model: particles,
+            glass: None,
+        },
     ];
     Ok(picture::write(png, &panels, 2, [800, 700], View { floor: 0.0, turn })?)
 }

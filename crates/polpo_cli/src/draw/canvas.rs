@@ -13,7 +13,7 @@ pub(crate) struct Canvas {
     pub(crate) height: usize,
     /// Towards the eye, in the camera's space \[px\]; minus infinity where there is nothing.
     pub(crate) depth: Vec<f32>,
-    /// In the world, turned to the eye.
+    /// In the world, of what is seen of it.
     pub(crate) normal: Vec<Vec3>,
     /// Linear RGB.
     pub(crate) colour: Vec<Vec3>,
@@ -40,7 +40,7 @@ impl Canvas {
         (low - 0.5).ceil().max(0.0) as usize..((high + 0.5).floor().max(0.0) as usize).min(size)
     }
 
-    /// With barycentric coordinates b of a sample: depth, normal and colour are Σ b·those of the corners. A triangle seen from its edge has no samples.
+    /// With barycentric coordinates b of a sample: depth, normal and colour are Σ b·those of the corners. A triangle seen from its edge has no samples; the inside of one that is seen from behind is lit as if it were an outside.
     fn draw_triangle(&mut self, model: &Model, camera: &Camera, triangle: [u32; 3]) {
         let corners = triangle.map(|c| model.corners[c as usize]);
         let [a, b, c] = corners.map(|c| camera.place(c.position));
@@ -48,6 +48,9 @@ impl Canvas {
         if !(area.is_finite() && area != 0.0 && [a, b, c].iter().all(|p| p.is_finite())) {
             return;
         }
+        let flat = (corners[1].position - corners[0].position).cross(corners[2].position - corners[0].position);
+        let behind = corners.iter().map(|c| c.normal).sum::<Vec3>().dot(flat) * flat.dot(camera.eye) < 0.0;
+        let normals = corners.map(|c| if behind { -c.normal } else { c.normal });
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         for y in Self::span(low.y, high.y, self.height) {
             for x in Self::span(low.x, high.x, self.width) {
@@ -59,7 +62,7 @@ impl Canvas {
                 }
                 let mix = |values: [Vec3; 3]| values[0] * shares[0] + values[1] * shares[1] + values[2] * shares[2];
                 let depth = a.z * shares[0] + b.z * shares[1] + c.z * shares[2];
-                self.put(x, y, depth, camera.eye, mix(corners.map(|c| c.normal)), mix(corners.map(|c| c.colour)));
+                self.put(x, y, depth, camera.eye, mix(normals), mix(corners.map(|c| c.colour)));
             }
         }
     }
@@ -91,12 +94,13 @@ impl Canvas {
         }
     }
 
+    /// A smoothed normal that leans away from the eye is bent until it does not.
     fn put(&mut self, x: usize, y: usize, depth: f32, eye: Vec3, normal: Vec3, colour: Vec3) {
         let at = y * self.width + x;
         if depth > self.depth[at] {
             let normal = normal.normalize_or(eye);
             self.depth[at] = depth;
-            self.normal[at] = if normal.dot(eye) < 0.0 { -normal } else { normal };
+            self.normal[at] = (normal - eye * normal.dot(eye).min(0.0)).normalize_or(eye);
             self.colour[at] = colour;
         }
     }
@@ -147,11 +151,24 @@ mod tests {
     }
 
     #[test]
+    fn what_faces_the_eye_stays_lit_where_its_normals_lean_away() {
+        let corner =
+            |x: f32, y: f32, normal: Vec3| Corner { position: Vec3::new(x, y, 0.0), normal: normal.normalize(), colour: Vec3::ONE };
+        let away = Vec3::new(1.0, 0.0, -0.3);
+        let corners = vec![corner(-1.0, -1.0, Vec3::Z), corner(1.0, -1.0, away), corner(1.0, 1.0, away)];
+        let canvas = Canvas::seen(&Model { corners, triangles: vec![[0, 1, 2]], ellipsoids: vec![] }, &camera(), 200, 200);
+        let seen = canvas.depth.iter().zip(&canvas.normal).filter(|(d, _)| d.is_finite());
+        assert!(seen.clone().count() > 19_000);
+        assert!(seen.clone().all(|(_, n)| n.is_normalized() && n.z > -1e-6 && n.x > -1e-6));
+    }
+
+    #[test]
     fn what_is_not_finite_is_left_out() {
         let mut model = Model::default();
         model.corners = vec![Corner { position: Vec3::NAN, normal: Vec3::Y, colour: Vec3::ONE }; 3];
         model.triangles = vec![[0, 1, 2]];
-        model.ellipsoids = vec![Ellipsoid { centre: Vec3::ZERO, frame: Quat::IDENTITY, radii: Vec3::new(1.0, f32::NAN, 1.0), colour: Vec3::ONE }];
+        model.ellipsoids =
+            vec![Ellipsoid { centre: Vec3::ZERO, frame: Quat::IDENTITY, radii: Vec3::new(1.0, f32::NAN, 1.0), colour: Vec3::ONE }];
         let canvas = Canvas::seen(&model, &camera(), 20, 20);
         assert!(canvas.depth.iter().all(|&d| d == f32::NEG_INFINITY));
     }

@@ -6,8 +6,8 @@ use polpo_rig::{Influences, Mesh};
 use super::model::{Corner, Model};
 
 /// Of a mesh without colours of its own, linear RGB.
-const CLAY: Vec3 = Vec3::new(0.80, 0.36, 0.17);
-const GLASS: Vec3 = Vec3::new(0.50, 0.60, 0.70);
+const CLAY: Vec3 = Vec3::new(0.70, 0.25, 0.11);
+const GLASS: Vec3 = Vec3::new(0.30, 0.45, 0.62);
 
 /// The mesh in its own colours.
 pub(crate) fn surface(mesh: &Mesh) -> Model {

@@ -76,9 +76,8 @@ impl Model {
     pub(crate) fn outline(&self) -> impl Iterator<Item = Vec3> + Clone {
         let boxes = self.ellipsoids.iter().flat_map(|e| {
             let half = Vec3::AXES.map(|axis| axis * e.reach(axis));
-            (0..8u32).map(move |corner| {
-                half.iter().enumerate().fold(e.centre, |p, (k, &h)| if corner >> k & 1 == 0 { p - h } else { p + h })
-            })
+            (0..8u32)
+                .map(move |corner| half.iter().enumerate().fold(e.centre, |p, (k, &h)| if corner >> k & 1 == 0 { p - h } else { p + h }))
         });
         let used = self.triangles.iter().flatten().map(|&c| self.corners[c as usize].position);
         used.chain(boxes)

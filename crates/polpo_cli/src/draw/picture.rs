@@ -1,8 +1,10 @@
 //! A picture: panels side by side, all seen by one camera, each with its title; and its file.
 
+use std::io::BufWriter;
 use std::path::Path;
 
 use glam::Vec3;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{Rgb, RgbImage};
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster};
 
@@ -12,7 +14,7 @@ use super::shade::Light;
 
 /// Samples a pixel, along either side.
 const FINE: usize = 3;
-const MARGIN: f32 = 0.10;
+const MARGIN: f32 = 0.12;
 const INK: Vec3 = Vec3::new(0.012, 0.014, 0.018);
 
 /// One view of a body.
@@ -49,7 +51,7 @@ pub(crate) enum PictureError {
     },
 }
 
-/// Draws `panels` in rows of `columns`, each of `size` pixels, and writes them as the extension of `path` says.
+/// Draws `panels` in rows of `columns`, each of `size` pixels, and writes them as PNG.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -70,8 +72,8 @@ pub(crate) fn write(path: &Path, panels: &[Panel], columns: usize, size: [usize;
             picture.put_pixel((corner[0] + x) as u32, (corner[1] + y) as u32, Rgb(encode(colour)));
         });
         let [left, top] = corner.map(|c| c as u32);
-        print(&mut picture, [left + 28, top + 20], &panel.title[0], FontWeight::Bold, RasterHeight::Size24);
-        print(&mut picture, [left + 28, top + 50], &panel.title[1], FontWeight::Regular, RasterHeight::Size20);
+        print(&mut picture, [left + 28, top + 16], &panel.title[0], FontWeight::Bold, RasterHeight::Size24);
+        print(&mut picture, [left + 28, top + 44], &panel.title[1], FontWeight::Regular, RasterHeight::Size20);
         if index == 0 {
             rule(&mut picture, [left + 28, top + height as u32 - 34], camera.scale / FINE as f32, width as f32 * 0.3);
         }
@@ -82,7 +84,10 @@ pub(crate) fn write(path: &Path, panels: &[Panel], columns: usize, size: [usize;
     for pixel in 0..picture.width() * u32::from(rows > 1) {
         (1..rows).for_each(|r| picture.put_pixel(pixel, (r * height) as u32, Rgb([255; 3])));
     }
-    picture.save(path).map_err(|source| PictureError::Write { path: path.display().to_string(), source })
+    let refused = |source| PictureError::Write { path: path.display().to_string(), source };
+    let file = std::fs::File::create(path).map_err(|e| refused(e.into()))?;
+    let encoder = PngEncoder::new_with_quality(BufWriter::new(file), CompressionType::Best, FilterType::Adaptive);
+    picture.write_with_encoder(encoder).map_err(refused)
 }
 
 /// The mean of the samples of every pixel.
@@ -107,9 +112,14 @@ fn encode(colour: Vec3) -> [u8; 3] {
 
 /// A bar as long as a round number of metres, at most `most` pixels, and the number. Nothing where a metre has no length.
 fn rule(picture: &mut RgbImage, corner: [u32; 2], scale: f32, most: f32) {
-    let decade = 10f32.powf((most / scale).log10().floor());
-    let Some(length) = [5.0, 2.0, 1.0].into_iter().map(|k| k * decade).find(|l| l * scale <= most).filter(|l| l.is_finite()) else { return };
+    let (most, scale) = (f64::from(most), f64::from(scale));
+    let decade = 10f64.powf((most / scale).log10().floor());
+    let Some(length) = [5.0, 2.0, 1.0].into_iter().map(|k| k * decade).find(|l| l * scale <= most).filter(|l| l.is_finite()) else {
+        return;
+    };
     let end = corner[0] + (length * scale) as u32;
+    // Rounded: 0.05, not 0.050000000000000003.
+    let length = length as f32;
     for x in corner[0]..=end {
         let cap = x < corner[0] + 2 || x + 2 > end;
         (corner[1] - if cap { 5 } else { 1 }..=corner[1] + if cap { 5 } else { 0 }).for_each(|y| blend(picture, [x, y], 0.8));
@@ -145,7 +155,7 @@ mod tests {
 
     #[test]
     fn linear_light_is_encoded_as_srgb() {
-        assert_eq!(encode(Vec3::new(0.0, 0.214_041, 1.0)), [0, 128, 255]);
+        assert_eq!(encode(Vec3::new(0.0, 0.215_861, 1.0)), [0, 128, 255]);
         assert_eq!(encode(Vec3::new(-1.0, 7.0, f32::NAN)), [0, 255, 0]);
     }
 

@@ -19,7 +19,11 @@ pub(crate) struct Pose {
 impl Pose {
     /// As the rig was made.
     pub(crate) fn rest(rig: &Rig) -> Pose {
-        Pose { positions: rig.particles.iter().map(|p| p.position).collect(), rotations: vec![Quat::IDENTITY; rig.particles.len()], scale: 1.0 }
+        Pose {
+            positions: rig.particles.iter().map(|p| p.position).collect(),
+            rotations: vec![Quat::IDENTITY; rig.particles.len()],
+            scale: 1.0,
+        }
     }
 }
 

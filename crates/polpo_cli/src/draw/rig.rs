@@ -7,9 +7,8 @@ use super::model::{Ellipsoid, Model};
 use super::pose::Pose;
 
 /// sRGB of the colours that particles have.
-const COLOURS: [u32; 11] = [
-    0xe4_572e, 0x2e_86ab, 0xf2_c14e, 0x5f_a55a, 0x8e_5ea2, 0xf7_8154, 0x3c_bbb1, 0xd1_4f7c, 0x4d_6cc1, 0xa3_c14a, 0xb0_7d4f,
-];
+const COLOURS: [u32; 11] =
+    [0xe4_572e, 0x2e_86ab, 0xf2_c14e, 0x5f_a55a, 0x8e_5ea2, 0xf7_8154, 0x3c_bbb1, 0xd1_4f7c, 0x4d_6cc1, 0xa3_c14a, 0xb0_7d4f];
 const BAR: Vec3 = Vec3::new(0.10, 0.11, 0.13);
 
 /// A colour for every particle, linear RGB: that of which there is least among those that it is tied to, and those that these are tied to.

@@ -4,21 +4,21 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Runs `polpo` with these arguments.
-pub fn polpo(arguments: &[&str]) -> Output {
+pub(crate) fn polpo(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_polpo")).args(arguments).output().expect("it starts")
 }
 
-pub fn text(bytes: &[u8]) -> &str {
+pub(crate) fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).expect("UTF-8")
 }
 
 /// What it printed, as JSON and nothing else.
-pub fn json(output: &Output) -> serde_json::Value {
+pub(crate) fn json(output: &Output) -> serde_json::Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {} {}", text(&output.stdout), text(&output.stderr)))
 }
 
 /// Exit code 2, nothing on standard output, and one line on standard error that says `what`.
-pub fn refused(output: &Output, what: &str) {
+pub(crate) fn refused(output: &Output, what: &str) {
     let error = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{error}");
     assert!(error.starts_with("error: ") && error.lines().count() == 1 && error.contains(what), "{error}");
@@ -26,27 +26,27 @@ pub fn refused(output: &Output, what: &str) {
 }
 
 /// A folder that goes with the value.
-pub struct Folder(PathBuf);
+pub(crate) struct Folder(PathBuf);
 
 impl Folder {
-    pub fn new(name: &str) -> Folder {
+    pub(crate) fn new(name: &str) -> Folder {
         let path = std::env::temp_dir().join(format!("polpo_{name}_{}", std::process::id()));
         std::fs::create_dir_all(&path).expect("a folder");
         Folder(path)
     }
 
     /// The path of a file in it.
-    pub fn at(&self, name: &str) -> String {
+    pub(crate) fn at(&self, name: &str) -> String {
         self.0.join(name).to_str().expect("a plain path").into()
     }
 
-    pub fn write(&self, name: &str, text: &str) -> String {
+    pub(crate) fn write(&self, name: &str, text: &str) -> String {
         std::fs::write(self.0.join(name), text).expect("it can be written");
         self.at(name)
     }
 
     /// A box of 1 × 0.5 × 0.25 m.
-    pub fn block(&self) -> String {
+    pub(crate) fn block(&self) -> String {
         let mut obj = String::new();
         for i in 0..8 {
             obj += &format!("v {} {} {}\n", i & 1, 0.5 * f64::from(i >> 1 & 1), 0.25 * f64::from(i >> 2));

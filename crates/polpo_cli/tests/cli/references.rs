@@ -1,8 +1,6 @@
 //! `polpo simulate --references` as one types it: its exit codes, its table, its JSON.
 
-mod common;
-
-use common::{polpo, text};
+use crate::common::{polpo, text};
 
 #[test]
 fn the_table_has_the_worst_line_first() {

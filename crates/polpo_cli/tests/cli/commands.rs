@@ -1,10 +1,8 @@
 //! The commands as one types them: exit codes, reports, JSON, pictures, and what is refused.
 
-mod common;
-
 use std::process::{Command, Stdio};
 
-use common::{Folder, json, polpo, refused, text};
+use crate::common::{Folder, json, polpo, refused, text};
 
 #[test]
 fn a_mesh_is_rigged_and_the_report_is_true() {
@@ -15,7 +13,10 @@ fn a_mesh_is_rigged_and_the_report_is_true() {
     assert!(output.stderr.is_empty(), "progress is for terminals");
     let report = json(&output);
     let rig = polpo_rig::Rig::read(folder.at("block.rig")).expect("it is there, beside the mesh");
-    assert_eq!((rig.particles.len(), rig.edges.len(), rig.skin.len()), (40, 120, report["mesh"]["vertices"].as_u64().expect("a number") as usize));
+    assert_eq!(
+        (rig.particles.len(), rig.edges.len(), rig.skin.len()),
+        (40, 120, report["mesh"]["vertices"].as_u64().expect("a number") as usize)
+    );
     assert_eq!(report["rig"]["particles"], 40);
     assert_eq!(report["rig"]["edges"], 120);
     assert_eq!(report["rig"]["pieces"], 1);
@@ -34,7 +35,7 @@ fn a_mesh_is_rigged_and_the_report_is_true() {
     assert!(report.contains("particles  40, 125 kg") && report.contains("edges      120, 3.00 a particle"), "{report}");
     assert!(report.ends_with(&format!("written    {}\n", folder.at("block.rig"))), "{report}");
     assert!(std::fs::read(folder.at("block.rig")).expect("there") == first, "the same mesh and recipe give the same bytes");
-    assert!(polpo(&["rig", &block, "--quiet"]).stdout.is_empty());
+    assert!(polpo(&["rig", &block, "--particles", "9", "--quiet"]).stdout.is_empty());
 }
 
 #[test]
@@ -44,13 +45,17 @@ fn the_recipe_beside_the_mesh_is_used_and_options_override_it() {
     let own = folder.write("block.rig.toml", "particles = 20\ndensity = 500.0\n");
     let output = polpo(&["rig", &block, "--dry-run", "--json", "-"]);
     let report = json(&output);
-    assert_eq!((&report["rig"]["particles"], &report["recipe"], &report["written"]), (&20.into(), &own.clone().into(), &serde_json::Value::Null));
+    assert_eq!(
+        (&report["rig"]["particles"], &report["recipe"], &report["written"]),
+        (&20.into(), &own.clone().into(), &serde_json::Value::Null)
+    );
     assert!((report["rig"]["mass_kg"].as_f64().expect("a number") / 62.5 - 1.0).abs() < 1e-4);
     assert!(!std::path::Path::new(&folder.at("block.rig")).exists());
     assert!(text(&polpo(&["rig", &block, "--dry-run"]).stdout).contains(&format!("recipe     {own}")));
 
     let recipe = folder.at("used.toml");
-    let output = polpo(&["rig", &block, "--particles", "30", "-o", &folder.at("b.rig.ron"), &format!("--write-recipe={recipe}"), "--json", "-"]);
+    let output =
+        polpo(&["rig", &block, "--particles", "30", "-o", &folder.at("b.rig.ron"), &format!("--write-recipe={recipe}"), "--json", "-"]);
     assert_eq!(json(&output)["rig"]["particles"], 30);
     let used = polpo_rig::Recipe::read(&recipe).expect("a recipe");
     assert_eq!((used.amount, used.density), (polpo_rig::Amount::Particles(30), 500.0));
@@ -75,10 +80,15 @@ fn a_rig_is_inspected() {
     assert_eq!((&report["rig"]["particles"], &report["whole"]), (&30.into(), &true.into()));
     let picture = image::open(png).expect("a picture").into_rgb8();
     assert_eq!(picture.dimensions(), (1600, 1200));
-    // Something is drawn in each quarter, in more colours than a backdrop has.
-    for (x, y) in [(400, 300), (1200, 300), (400, 900), (1200, 900)] {
-        let [r, g, b] = picture.get_pixel(x, y).0.map(i32::from);
-        assert!((r - g).abs().max((g - b).abs()) > 12 || r < 120, "({x}, {y}) is {r} {g} {b}");
+    // Something is drawn in each quarter, which has colours: a backdrop has none.
+    for (left, top) in [(0, 0), (800, 0), (0, 600), (800, 600)] {
+        let places = (left..left + 800).flat_map(|x| (top..top + 600).map(move |y| (x, y)));
+        let is_coloured = |&(x, y): &(u32, u32)| {
+            let [r, g, b] = picture.get_pixel(x, y).0;
+            r.max(g).max(b) - r.min(g).min(b) > 30
+        };
+        let coloured = places.filter(is_coloured).count();
+        assert!(coloured > 5_000, "{coloured} pixels of the quarter at {left}, {top}");
     }
     // In pieces: a rig without edges.
     let mut broken = polpo_rig::Rig::read(&rig).expect("a rig");
@@ -101,13 +111,28 @@ fn a_body_falls_and_rests() {
     let number = |key: &str| report[key].as_f64().unwrap_or_else(|| panic!("{key} of {report}"));
     assert_eq!((&report["particles"], &report["steps"], &report["finite"]), (&30.into(), &120.into(), &true.into()));
     assert!((number("mass_kg") / 15.625 - 1.0).abs() < 1e-4 && number("size_m") == 0.5 && number("scale") == 0.5);
-    assert!((0.2..0.3).contains(&number("height_m")), "it stands: {report}");
+    assert!((0.12..0.31).contains(&number("height_m")), "it stands or lies: {report}");
     assert!(number("penetration_m") < 0.005 && number("edge_strain") < 0.5 && number("speed_m_s") < 0.1, "{report}");
     assert!(number("step_ms_best") > 0.0 && number("step_ms_best") <= number("step_ms_median"));
     assert_eq!(image::open(png).expect("a picture").into_rgb8().dimensions(), (1600, 700));
     // Nothing was written beside the mesh, and another run on another number of threads ends in the same state.
     assert!(!std::path::Path::new(&folder.at("block.rig")).exists());
-    let again = json(&polpo(&["simulate", &block, "--particles", "30", "--seconds", "2", "--size", "0.5", "--height", "0.1", "--threads", "1", "--json", "-"]));
+    let again = json(&polpo(&[
+        "simulate",
+        &block,
+        "--particles",
+        "30",
+        "--seconds",
+        "2",
+        "--size",
+        "0.5",
+        "--height",
+        "0.1",
+        "--threads",
+        "1",
+        "--json",
+        "-",
+    ]));
     assert_eq!(again["state_hash"], report["state_hash"]);
     let report = polpo(&["simulate", &block, "--particles", "30", "--seconds", "0.1", "--count", "2"]);
     assert!(text(&report.stdout).contains("scene      2 bodies of 30 particles, 125 kg, 1.00 m"), "{}", text(&report.stdout));
@@ -127,10 +152,21 @@ fn a_failed_check_is_exit_code_1() {
 fn a_rig_with_a_material_asks_for_its_substeps() {
     let folder = Folder::new("material");
     // A bar of two cells of 0.1 m.
-    let particle = |x: f32| polpo_rig::Particle { position: glam::Vec3::X * x, frame: glam::Quat::IDENTITY, radii: glam::Vec3::splat(0.05), mass: 1.0 };
+    let particle = |x: f32| polpo_rig::Particle {
+        position: glam::Vec3::X * x,
+        frame: glam::Quat::IDENTITY,
+        radii: glam::Vec3::splat(0.05),
+        mass: 1.0,
+    };
     let moment = 0.01f32 * 0.01 / 12.0;
-    let facet = polpo_rig::Facet { pair: [0, 1], area: glam::Vec3::X * 0.01, centroid: glam::Vec3::X * 0.05, moments: [0.0, moment, moment, 0.0, 0.0, 0.0] };
-    let material = polpo_rig::RecipeMaterial { youngs_modulus: 1e6, poissons_ratio: 0.0, retardation: 0.0, fidelity: polpo_rig::Fidelity::Cells };
+    let facet = polpo_rig::Facet {
+        pair: [0, 1],
+        area: glam::Vec3::X * 0.01,
+        centroid: glam::Vec3::X * 0.05,
+        moments: [0.0, moment, moment, 0.0, 0.0, 0.0],
+    };
+    let material =
+        polpo_rig::RecipeMaterial { youngs_modulus: 1e6, poissons_ratio: 0.0, retardation: 0.0, fidelity: polpo_rig::Fidelity::Cells };
     let rig = polpo_rig::Rig {
         particles: vec![particle(0.0), particle(0.1)],
         edges: vec![[0, 1]],
@@ -148,7 +184,7 @@ fn a_rig_with_a_material_asks_for_its_substeps() {
     assert!(soft > 1 && stiff.abs_diff(10 * soft) <= 10, "{soft}, {stiff}");
     // Twice the size: half the frequency.
     assert!(needed(&["--size", "0.4"]).abs_diff(soft / 2) <= 1);
-    refused(&polpo(&["simulate", &folder.block(), "--youngs-modulus", "1e5"]), "the rig has no cells");
+    refused(&polpo(&["simulate", &folder.block(), "--particles", "9", "--youngs-modulus", "1e5"]), "the rig has no cells");
 }
 
 #[test]
@@ -159,12 +195,15 @@ fn bad_input_is_named() {
         refused(&polpo(&[command, &folder.at("none.glb")]), "none.glb: cannot be read: ");
         refused(&polpo(&[command, &folder.write("text.glb", "no mesh")]), "text.glb: not a readable mesh");
     }
-    refused(&polpo(&["inspect", &folder.write("text.rig", "no rig")]), "text.rig: not a rig: it does not start with POLPORIG");
-    refused(&polpo(&["rig", &block, "--recipe", &folder.write("bad.toml", "particles = 3\n\nspaceing = 2.0\n")]), "bad.toml: not a recipe: TOML parse error at line 3, column 1");
+    refused(&polpo(&["inspect", &folder.write("bad.rig", "no rig")]), "bad.rig: not a rig: it does not start with POLPORIG");
+    refused(
+        &polpo(&["rig", &block, "--recipe", &folder.write("bad.toml", "particles = 3\n\nspaceing = 2.0\n")]),
+        "bad.toml: not a recipe: TOML parse error at line 3, column 1",
+    );
     refused(&polpo(&["rig", &block, "--recipe", &folder.at("none.toml")]), "none.toml: ");
     refused(&polpo(&["rig", &block, "--particles", "0"]), "setting `particles` is 0: 1 to 100000");
     refused(&polpo(&["rig", &block, "-o", &folder.at("a.txt")]), "extension \"txt\" is not a rig format");
-    refused(&polpo(&["rig", &block, "-o", &folder.at("no/folder/a.rig")]), "no/folder/a.rig: ");
+    refused(&polpo(&["rig", &block, "-o", &folder.at("no/folder/a.rig"), "--particles", "9"]), "no/folder/a.rig: ");
     refused(&polpo(&["rig", &block, "--poissons-ratio", "0.3"]), "a material needs --youngs-modulus");
     let output = polpo(&["rig", &block, "--particles", "3", "--spacing", "0.1"]);
     assert_eq!(output.status.code(), Some(2));
@@ -203,7 +242,10 @@ fn shells_complete_the_commands() {
         let output = polpo(&["completions", shell]);
         assert_eq!(output.status.code(), Some(0));
         let script = text(&output.stdout);
-        assert!(["rig", "inspect", "simulate", "completions", "write-recipe"].iter().all(|word| script.contains(word)), "{shell}: {script}");
+        assert!(
+            ["rig", "inspect", "simulate", "completions", "write-recipe"].iter().all(|word| script.contains(word)),
+            "{shell}: {script}"
+        );
     }
     assert_eq!(polpo(&["completions", "abacus"]).status.code(), Some(2));
 }

@@ -35,13 +35,18 @@
 pub mod binding;
 pub mod bounds;
 pub mod cpu;
+#[cfg(feature = "gpu")]
 pub mod frame;
+#[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(feature = "gpu")]
 pub mod headless;
 pub mod transform;
 
 pub use binding::{Binding, BindingError, RestMesh, RestVertex};
 pub use bounds::Aabb;
+#[cfg(feature = "gpu")]
 pub use frame::SkinFrame;
+#[cfg(feature = "gpu")]
 pub use gpu::{GpuBinding, GpuError, SkinPipeline, Target, VertexLayout};
 pub use transform::ParticleTransform;

@@ -1,14 +1,6 @@
-//! The command as one types it: its exit codes, its table, its JSON.
+//! `polpo simulate --references` as one types it: its exit codes, its table, its JSON.
 
-use std::process::{Command, Output};
-
-fn polpo(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_polpo")).args(arguments).output().expect("it starts")
-}
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).expect("UTF-8")
-}
+use crate::common::{polpo, text};
 
 #[test]
 fn the_table_has_the_worst_line_first() {

@@ -1,0 +1,200 @@
+//! Light: a lamp with a soft shadow, a sky, and what crannies get of it.
+
+use glam::{Vec2, Vec3};
+
+use super::camera::Camera;
+use super::canvas::Canvas;
+use super::model::Model;
+
+/// Side of the lamp's view \[px\].
+const LAMP_VIEW: usize = 1024;
+/// How far a shadow's edge is softened, in pixels of the lamp's view.
+const SOFTNESS: f32 = 9.0;
+/// A sample; a pixel has several.
+const SHADOW_TAPS: usize = 6;
+/// How far around a place things darken it, as a share of the picture's width.
+const CRANNY: f32 = 0.07;
+const CRANNY_TAPS: usize = 7;
+/// How many ways the taps of a sample are turned.
+const TURNS: usize = 32;
+
+const LAMP: Vec3 = Vec3::new(1.62, 1.52, 1.38);
+const SKY: Vec3 = Vec3::new(0.46, 0.52, 0.62);
+const GROUND: Vec3 = Vec3::new(0.26, 0.24, 0.22);
+const BACKDROP: [Vec3; 2] = [Vec3::new(0.80, 0.81, 0.82), Vec3::new(0.55, 0.56, 0.57)];
+
+/// A scene with its light.
+pub(crate) struct Light<'a> {
+    camera: &'a Camera,
+    /// Unit vector to the lamp.
+    lamp: Vec3,
+    view: Camera,
+    shadow: Canvas,
+    shadow_taps: Vec<[Vec2; SHADOW_TAPS]>,
+    cranny_taps: Vec<[Vec2; CRANNY_TAPS]>,
+    /// Height of the floor \[m\].
+    floor: f32,
+}
+
+impl<'a> Light<'a> {
+    /// The lamp hangs above the left shoulder of whoever looks through `camera` at `model`, which stands on a floor at the height `floor` \[m\].
+    pub(crate) fn new(model: &Model, camera: &'a Camera, floor: f32) -> Light<'a> {
+        let right = Vec3::Y.cross(camera.eye).normalize_or(Vec3::X);
+        let lamp = (camera.eye * 0.5 - right * 0.5 + Vec3::Y * 1.1).normalize();
+        let view = Camera::framing(model.outline(), lamp, LAMP_VIEW, LAMP_VIEW, 0.02);
+        let shadow = Canvas::seen(model, &view, LAMP_VIEW, LAMP_VIEW);
+        Light { camera, lamp, view, shadow, shadow_taps: spirals(), cranny_taps: spirals(), floor }
+    }
+
+    /// Linear RGB of every sample of `model`, through `glass` if there is any.
+    pub(crate) fn shine(&self, model: &Model, glass: Option<&Model>, width: usize, height: usize) -> Vec<Vec3> {
+        let mut canvas = Canvas::seen(model, self.camera, width, height);
+        let is_body: Vec<bool> = canvas.depth.iter().map(|d| d.is_finite()).collect();
+        let near = near_body(&is_body, width, CRANNY * width as f32);
+        self.lay_floor(&mut canvas);
+        let glass = glass.map(|glass| Canvas::seen(glass, self.camera, width, height));
+        let mut picture = vec![Vec3::ZERO; width * height];
+        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let rows = height.div_ceil(threads).max(1);
+        // A sample's colour depends on nothing that is written here.
+        std::thread::scope(|scope| {
+            for (part, lines) in picture.chunks_mut(rows * width).enumerate() {
+                let (canvas, is_body, near, glass) = (&canvas, &is_body, &near, &glass);
+                scope.spawn(move || {
+                    for (i, pixel) in lines.iter_mut().enumerate() {
+                        let at = part * rows * width + i;
+                        let close = near[0].contains(&(at % width)) && near[1].contains(&(at / width));
+                        let behind = self.sample(canvas, at, is_body[at], close);
+                        *pixel = match glass {
+                            Some(glass) if glass.depth[at] > canvas.depth[at] || (glass.depth[at].is_finite() && !is_body[at]) => {
+                                self.through(glass, at, behind)
+                            }
+                            _ => behind,
+                        };
+                    }
+                });
+            }
+        });
+        picture
+    }
+
+    /// Where nothing else is, the floor is. Seen from below there is none.
+    fn lay_floor(&self, canvas: &mut Canvas) {
+        if self.camera.eye.y < 0.05 {
+            return;
+        }
+        for y in 0..canvas.height {
+            for x in 0..canvas.width {
+                let at = y * canvas.width + x;
+                if canvas.depth[at] == f32::NEG_INFINITY {
+                    let flat = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, 0.0);
+                    canvas.depth[at] = (self.floor - self.camera.world(flat).y) * self.camera.scale / self.camera.eye.y;
+                    canvas.normal[at] = Vec3::Y;
+                }
+            }
+        }
+    }
+
+    /// What is not `near` the body is in the open.
+    fn sample(&self, canvas: &Canvas, at: usize, is_body: bool, near: bool) -> Vec3 {
+        let (x, y) = (at % canvas.width, at / canvas.width);
+        let down = y as f32 / canvas.height as f32;
+        let backdrop = BACKDROP[0].lerp(BACKDROP[1], down * down);
+        if !canvas.depth[at].is_finite() {
+            return backdrop;
+        }
+        let place = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, canvas.depth[at]);
+        let normal = canvas.normal[at];
+        let turn = turn(x, y);
+        let open = if near { self.openness(canvas, place, normal, turn) } else { 1.0 };
+        let lit = self.lit(self.camera.world(place), normal, turn);
+        if is_body { self.colour(canvas.colour[at], normal, open, lit) } else { backdrop * (0.35 + 0.65 * open) * (0.62 + 0.38 * lit) }
+    }
+
+    fn colour(&self, colour: Vec3, normal: Vec3, open: f32, lit: f32) -> Vec3 {
+        let eye = self.camera.eye;
+        let sky = GROUND.lerp(SKY, 0.5 + 0.5 * normal.y) * open;
+        let fill = 0.28 * open * normal.dot((eye * 0.6 - self.lamp * 0.8 + Vec3::Y * 0.6).normalize_or(eye)).max(0.0);
+        let glance = (1.0 - normal.dot(eye).clamp(0.0, 1.0)).powi(4);
+        let gloss = normal.dot((self.lamp + eye).normalize_or(eye)).max(0.0).powi(48) * lit;
+        let lamp = LAMP * (normal.dot(self.lamp).max(0.0) * lit * (0.4 + 0.6 * open));
+        let light = colour * (sky + lamp + fill) + SKY * (0.16 * glance * open) + LAMP * (0.10 * gloss);
+        // Bright places keep their hue as long as they can.
+        light / (Vec3::ONE + light * 0.28)
+    }
+
+    /// Glass is the denser the more it is seen from its side.
+    fn through(&self, glass: &Canvas, at: usize, behind: Vec3) -> Vec3 {
+        let normal = glass.normal[at];
+        let glance = 1.0 - normal.dot(self.camera.eye).clamp(0.0, 1.0);
+        let gloss = normal.dot((self.lamp + self.camera.eye).normalize_or(Vec3::Y)).max(0.0).powi(40);
+        let tint = glass.colour[at] * (0.55 + 0.45 * normal.dot(self.lamp).max(0.0));
+        behind.lerp(tint, 0.18 + 0.75 * glance.powi(3)) + Vec3::splat(0.10 * gloss)
+    }
+
+    /// How much of the sky a place sees, 0 to 1: what stands above its tangent plane near it takes from it, the nearer and steeper the more.
+    fn openness(&self, canvas: &Canvas, place: Vec3, normal: Vec3, turn: usize) -> f32 {
+        let normal = self.camera.turn(normal);
+        let radius = CRANNY * canvas.width as f32;
+        let mut taken = 0.0;
+        for tap in self.cranny_taps[turn] {
+            let to = place.truncate() + tap * radius;
+            let (x, y) = (to.x as usize, to.y as usize);
+            if to.x < 0.0 || to.y < 0.0 || x >= canvas.width || y >= canvas.height {
+                continue;
+            }
+            let way = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, canvas.depth[y * canvas.width + x]) - place;
+            let far = way.length();
+            if far > 0.5 && far < 2.0 * radius {
+                taken += (normal.dot(way) / far - 0.12).max(0.0) * (1.0 - far / (2.0 * radius));
+            }
+        }
+        (1.0 - 2.6 * taken / CRANNY_TAPS as f32).clamp(0.0, 1.0)
+    }
+
+    /// How much of the lamp a place sees, 0 to 1. Around it the surface is taken for its tangent plane, so that it does not shade itself.
+    fn lit(&self, point: Vec3, normal: Vec3, turn: usize) -> f32 {
+        let facing = self.view.turn(normal);
+        let place = self.view.place(point + normal * (1.5 / self.view.scale));
+        let (width, height) = (self.shadow.width as f32 + SOFTNESS, self.shadow.height as f32 + SOFTNESS);
+        if !((-SOFTNESS..width).contains(&place.x) && (-SOFTNESS..height).contains(&place.y)) {
+            return 1.0;
+        }
+        let slope = if facing.z > 0.05 { -facing.truncate() / facing.z } else { Vec2::ZERO };
+        let mut seen = 0;
+        for tap in self.shadow_taps[turn] {
+            let tap = tap * SOFTNESS;
+            let to = place.truncate() + tap;
+            let (x, y) = (to.x as usize, to.y as usize);
+            let outside = !(to.x >= 0.0 && to.y >= 0.0) || x >= self.shadow.width || y >= self.shadow.height;
+            let plane = place.z + slope.dot(tap).clamp(-3.0 * SOFTNESS, 3.0 * SOFTNESS) + 1.5;
+            seen += u32::from(outside || self.shadow.depth[y * self.shadow.width + x] <= plane);
+        }
+        seen as f32 / SHADOW_TAPS as f32
+    }
+}
+
+/// Places spread evenly over the unit disk (Vogel's spiral), turned in so many ways.
+fn spirals<const TAPS: usize>() -> Vec<[Vec2; TAPS]> {
+    let angle = |turn: usize, tap: usize| turn as f32 * (core::f32::consts::TAU / TURNS as f32) + tap as f32 * 2.399_963_2;
+    let place = |turn: usize, tap: usize| Vec2::from_angle(angle(turn, tap)) * ((tap as f32 + 0.5) / TAPS as f32).sqrt();
+    (0..TURNS).map(|turn| core::array::from_fn(|tap| place(turn, tap))).collect()
+}
+
+/// 0 to TURNS − 1, another one for every sample near by, the same in every picture (Jimenez' interleaved gradient noise).
+fn turn(x: usize, y: usize) -> usize {
+    let noise = (52.982_918 * (0.067_110_56 * x as f32 + 0.005_837_15 * y as f32).fract()).fract();
+    (noise * TURNS as f32) as usize % TURNS
+}
+
+/// Columns and rows in which the body is, and `margin` samples around.
+fn near_body(is_body: &[bool], width: usize, margin: f32) -> [std::ops::Range<usize>; 2] {
+    let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+    for (at, _) in is_body.iter().enumerate().filter(|(_, body)| **body) {
+        for (k, x) in [at % width, at / width].into_iter().enumerate() {
+            (low[k], high[k]) = (low[k].min(x), high[k].max(x));
+        }
+    }
+    let margin = margin as usize + 1;
+    core::array::from_fn(|k| low[k].saturating_sub(margin)..high[k] + margin + 1)
+}

@@ -1,0 +1,5 @@
+//! The command as one types it.
+
+mod commands;
+mod common;
+mod references;

@@ -99,7 +99,7 @@ pub(crate) fn particle(position: Vec3, radii: Vec3) -> Particle {
 
 /// One particle alone.
 pub(crate) fn single(radii: Vec3) -> Rig {
-    Rig { mesh_hash: MeshHash(0), particles: vec![particle(Vec3::ZERO, radii)], edges: vec![], skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles: vec![particle(Vec3::ZERO, radii)], edges: vec![], ..Rig::default() }
 }
 
 pub(crate) fn ball() -> Rig {
@@ -126,14 +126,14 @@ pub(crate) fn lattice(n: usize) -> Rig {
             }
         }
     }
-    Rig { mesh_hash: MeshHash(0), particles, edges, skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles, edges, ..Rig::default() }
 }
 
 /// `n` balls of radius 0.1 m in a row along x, each joined to the next and the one after.
 pub(crate) fn chain(n: usize) -> Rig {
     let particles = (0..n).map(|i| particle(Vec3::X * (0.2 * i as f32), Vec3::splat(0.1))).collect();
     let edges = (0..n).flat_map(|i| (i + 1..n.min(i + 3)).map(move |j| [i as u32, j as u32])).collect();
-    Rig { mesh_hash: MeshHash(0), particles, edges, skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles, edges, ..Rig::default() }
 }
 
 /// A floor at height 0 from `−half` to `half`, `n` squares of two triangles each a side, shifted so that seams do not fall on the axes.

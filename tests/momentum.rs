@@ -55,7 +55,7 @@ fn carried(app: &App, bodies: &[Entity]) -> Carried {
 fn line(n: u32) -> Rig {
     let particle =
         |i| Particle { position: Vec3::X * (0.1 * i as f32), frame: Quat::IDENTITY, radii: Vec3::new(0.04, 0.03, 0.02), mass: 0.1 };
-    Rig { mesh_hash: MeshHash(0), particles: (0..n).map(particle).collect(), edges: (1..n).map(|i| [i - 1, i]).collect(), skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles: (0..n).map(particle).collect(), edges: (1..n).map(|i| [i - 1, i]).collect(), ..Rig::default() }
 }
 
 fn weightless() -> App {

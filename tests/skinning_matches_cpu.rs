@@ -46,7 +46,7 @@ fn expected(app: &App, body: Entity, source: &polpo_rig::Mesh, tangents: &[[f32;
     let binding = Binding::new(
         RestMesh { positions: &arrays(&source.positions), normals: &arrays(&source.normals), tangents },
         &rig.particles.iter().map(|particle| particle.position).collect::<Vec<_>>(),
-        rig.skin.iter().map(|influences| influences.four()),
+        rig.skin.iter().map(|influences| (influences.particles, influences.weights)),
     )
     .expect("a valid binding");
     let transforms: Vec<ParticleTransform> = (0..particles.len())

@@ -34,7 +34,7 @@ impl Skin {
         };
         let (positions, normals) = (copies(&mesh.positions, 0.002), copies(&mesh.normals, 0.0));
         let particles: Vec<Vec3> = rig.particles.iter().map(|p| p.position).collect();
-        let influences = (0..VERTICES).map(|i| rig.skin[i % rig.skin.len()]).map(|influences| influences.four());
+        let influences = (0..VERTICES).map(|i| rig.skin[i % rig.skin.len()]).map(|influences| (influences.particles, influences.weights));
         let rest = RestMesh { positions: &positions, normals: &normals, tangents: &[] };
         let binding = Binding::new(rest, &particles, influences).expect("the octopus' rig fits its mesh");
         let pose = |(i, &rest): (usize, &Vec3)| {

@@ -41,7 +41,7 @@ fn balls(n: usize, spacing: f32, mass: f32) -> Rig {
             }
         }
     }
-    Rig { mesh_hash: MeshHash(0), particles, edges, skin: Vec::new() }
+    Rig { mesh_hash: MeshHash(0), particles, edges, ..Rig::default() }
 }
 
 /// Soft bodies and Rapier's colliders without a renderer, at 60 steps a second, one step an update.

@@ -188,13 +188,6 @@ impl Influences {
         self.particles.into_iter().zip(self.weights).filter(|w| w.1 != 0.0)
     }
 
-    /// The first four.
-    pub fn four(&self) -> ([u32; 4], [f32; 4]) {
-        let [a, b, c, d, ..] = self.particles;
-        let [s, t, u, v, ..] = self.weights;
-        ([a, b, c, d], [s, t, u, v])
-    }
-
     fn fault(&self, vertex: usize, particles: usize) -> Option<RigFault> {
         for slot in 0..MOST_INFLUENCES {
             let (particle, weight) = (self.particles[slot], self.weights[slot]);

@@ -4,9 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::bounds::RestExtent;
-
-/// How far four weights may be from summing to one \[1\] before a vertex is refused. Within it they are scaled to one.
-pub const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;
+use crate::influences::{FourInfluences, pack};
 
 /// The most particles one binding can address: indices are packed into 16 bits.
 pub const MAX_PARTICLES: usize = 1 << 16;
@@ -19,45 +17,8 @@ pub struct RestVertex {
     pub position: [f32; 3],
     /// Rest normal as the mesh has it; zero where the mesh has none.
     pub normal: [f32; 3],
-    /// Four particle indices of 16 bits, the lower half of each word first.
-    pub particles: [u32; 2],
-    /// Four weights in units of 1/65535, likewise. They sum to exactly 65535.
-    pub weights: [u32; 2],
-}
-
-impl RestVertex {
-    /// The index of influence `slot` (0 to 3).
-    pub fn particle(&self, slot: usize) -> u32 {
-        half(self.particles, slot)
-    }
-
-    /// The weight of influence `slot` (0 to 3) \[1\].
-    pub fn weight(&self, slot: usize) -> f32 {
-        half(self.weights, slot) as f32 / 65535.0
-    }
-
-    /// The indices of all four influences.
-    pub(crate) fn particles(&self) -> [u16; 4] {
-        halves(self.particles)
-    }
-
-    /// The weights of all four influences \[1\], but for the last bit.
-    pub(crate) fn weights(&self) -> [f32; 4] {
-        halves(self.weights).map(|weight| f32::from(weight) * (1.0 / 65535.0))
-    }
-}
-
-/// The four halves of two words, in one instruction.
-fn halves(words: [u32; 2]) -> [u16; 4] {
-    bytemuck::cast::<[u32; 2], [u16; 4]>(words.map(u32::to_le)).map(u16::from_le)
-}
-
-fn half(words: [u32; 2], slot: usize) -> u32 {
-    (words[slot >> 1] >> ((slot & 1) * 16)) & 0xffff
-}
-
-fn pack(halves: [u32; 4]) -> [u32; 2] {
-    [halves[0] | halves[1] << 16, halves[2] | halves[3] << 16]
+    /// The first four particles that it follows. Their weights, with those in [`Binding::more`], sum to exactly 65535.
+    pub influences: FourInfluences,
 }
 
 /// The rest mesh as the engine has it. All slices are per vertex.
@@ -103,7 +64,7 @@ pub enum BindingError {
     ParticleIndex {
         /// Which vertex.
         vertex: usize,
-        /// Which of its four influences.
+        /// Which of its influences.
         slot: usize,
         /// The index given.
         particle: u32,
@@ -115,12 +76,12 @@ pub enum BindingError {
     Weight {
         /// Which vertex.
         vertex: usize,
-        /// Which of its four influences.
+        /// Which of its influences.
         slot: usize,
         /// The weight given.
         weight: f32,
     },
-    /// The weights of a vertex do not sum to one within [`WEIGHT_SUM_TOLERANCE`].
+    /// The weights of a vertex do not sum to one within [`WEIGHT_SUM_TOLERANCE`](crate::influences::WEIGHT_SUM_TOLERANCE).
     #[error("vertex {vertex}: its weights sum to {sum}, not 1")]
     WeightSum {
         /// Which vertex.
@@ -143,6 +104,7 @@ pub enum BindingError {
 pub struct Binding {
     origin: Vec3,
     vertices: Vec<RestVertex>,
+    more: Vec<FourInfluences>,
     tangents: Vec<[f32; 3]>,
     has_normals: bool,
     particles: Vec<Vec3>,
@@ -153,14 +115,17 @@ impl Binding {
     /// Checks and packs.
     ///
     /// * `particles`: rest positions of the body's particles \[m\], in the mesh's own space; 1 to 65536.
-    /// * `influences`: for each vertex four particle indices and four weights \[1\]. Weights are finite, at least 0 and sum to 1; unused slots have weight 0 and any valid index.
+    /// * `influences`: for each vertex N particle indices and N weights \[1\], N from 1 to [`MOST_INFLUENCES`](crate::MOST_INFLUENCES). Weights are finite, at least 0 and sum to 1; unused slots
+    ///   have weight 0 and any valid index.
     ///
     /// Weights are rounded to 1/65535 such that they still sum to one exactly (the largest takes the rest): a rigid motion stays rigid, and a vertex is off by at most
-    /// 3/131070 of the distance between its influences' opinions of where it belongs.
-    pub fn new(
+    /// (N − 1)/131070 of the distance between its influences' opinions of where it belongs.
+    ///
+    /// As long as every vertex has its weights in the first four slots, a vertex is 40 bytes; else all of them take 16 more, and longer to skin.
+    pub fn new<const N: usize>(
         mesh: RestMesh<'_>,
         particles: &[Vec3],
-        influences: impl ExactSizeIterator<Item = ([u32; 4], [f32; 4])>,
+        influences: impl ExactSizeIterator<Item = ([u32; N], [f32; N])>,
     ) -> Result<Self, BindingError> {
         check_mesh(&mesh, particles, influences.len())?;
 
@@ -174,6 +139,7 @@ impl Binding {
         let particles: Vec<Vec3> = particles.iter().map(|particle| particle - origin).collect();
 
         let mut vertices = Vec::with_capacity(mesh.positions.len());
+        let mut more = Vec::new();
         let mut extents = vec![RestExtent::NONE; particles.len()];
         for (vertex, (indices, weights)) in influences.enumerate() {
             let position = Vec3::from(mesh.positions[vertex]) - origin;
@@ -185,16 +151,22 @@ impl Binding {
                     extents[particle as usize].include(position, *rest);
                 }
             }
+            let [first, others] = pack(vertex, indices, weights)?;
             vertices.push(RestVertex {
                 position: position.into(),
                 normal: mesh.normals.get(vertex).copied().unwrap_or([0.0; 3]),
-                particles: pack(indices),
-                weights: pack(quantise(vertex, weights)?),
+                influences: first,
             });
+            // The first vertex with a fifth influence makes records for all of them.
+            if !(more.is_empty() && others.weighs_nothing()) {
+                more.resize(vertex, FourInfluences::zeroed());
+                more.push(others);
+            }
         }
         Ok(Self {
             origin,
             vertices,
+            more,
             tangents: mesh.tangents.iter().map(|&[x, y, z, _]| [x, y, z]).collect(),
             has_normals: !mesh.normals.is_empty(),
             particles,
@@ -210,6 +182,11 @@ impl Binding {
     /// The packed rest vertices, in the mesh's order.
     pub fn vertices(&self) -> &[RestVertex] {
         &self.vertices
+    }
+
+    /// The fifth to eighth particle that each vertex follows, one a vertex; empty if none follows more than four.
+    pub fn more(&self) -> &[FourInfluences] {
+        &self.more
     }
 
     /// The rest tangents without handedness, one per vertex, or empty.
@@ -273,30 +250,6 @@ fn check_mesh(mesh: &RestMesh<'_>, particles: &[Vec3], influences: usize) -> Res
     Ok(())
 }
 
-/// Weights in units of 1/65535 that sum to exactly 65535; the largest takes what rounding left.
-fn quantise(vertex: usize, weights: [f32; 4]) -> Result<[u32; 4], BindingError> {
-    for (slot, &weight) in weights.iter().enumerate() {
-        if !weight.is_finite() || weight < 0.0 {
-            return Err(BindingError::Weight { vertex, slot, weight });
-        }
-    }
-    let sum: f32 = weights.iter().sum();
-    if (sum - 1.0).abs() > WEIGHT_SUM_TOLERANCE {
-        return Err(BindingError::WeightSum { vertex, sum });
-    }
-    let mut units = weights.map(|weight| (weight / sum * 65535.0 + 0.5).floor() as u32);
-    let mut largest = 0;
-    for slot in 1..4 {
-        if units[slot] > units[largest] {
-            largest = slot;
-        }
-    }
-    // The largest is at least a quarter of the whole and the rounding of the others at most 2 units, so this neither wraps nor goes negative.
-    let others: u32 = units.iter().sum::<u32>() - units[largest];
-    units[largest] = 65535 - others;
-    Ok(units)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -313,26 +266,30 @@ mod tests {
     }
 
     #[test]
-    fn weights_sum_to_one_after_packing() {
-        for weights in
-            [[0.25; 4], [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 0.0], [0.999_99, 0.000_01, 0.0, 0.0], [0.4, 0.3, 0.2, 0.1], [0.0, 0.0, 0.0, 1.0]]
-        {
-            let units = quantise(0, weights).expect("valid weights");
-            assert_eq!(units.iter().sum::<u32>(), 65535);
-            for (unit, weight) in units.iter().zip(weights) {
-                assert!((*unit as f32 / 65535.0 - weight).abs() <= 3.0 / 131_070.0);
-            }
+    fn packs_and_unpacks_influences() {
+        let binding = bind(vec![([1, 0, 1, 0], [0.4, 0.3, 0.2, 0.1]), whole(0), whole(1)]).expect("valid binding");
+        let vertex = binding.vertices()[0];
+        assert_eq!([0, 1, 2, 3].map(|slot| vertex.influences.particle(slot)), [1, 0, 1, 0]);
+        for (slot, weight) in [0.4, 0.3, 0.2, 0.1].into_iter().enumerate() {
+            assert!((vertex.influences.weight(slot) - weight).abs() < 2e-5);
         }
     }
 
     #[test]
-    fn packs_and_unpacks_influences() {
-        let binding = bind(vec![([1, 0, 1, 0], [0.4, 0.3, 0.2, 0.1]), whole(0), whole(1)]).expect("valid binding");
-        let vertex = binding.vertices()[0];
-        assert_eq!([0, 1, 2, 3].map(|slot| vertex.particle(slot)), [1, 0, 1, 0]);
-        for (slot, weight) in [0.4, 0.3, 0.2, 0.1].into_iter().enumerate() {
-            assert!((vertex.weight(slot) - weight).abs() < 2e-5);
-        }
+    fn only_a_fifth_influence_takes_a_second_record() {
+        let mesh = RestMesh { positions: &TRIANGLE, normals: &[], tangents: &[] };
+        let particles = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE];
+        let four = ([4, 3, 2, 1, 4, 4, 4, 4], [0.4, 0.3, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0]);
+        let five = ([4, 3, 2, 1, 0, 4, 4, 4], [0.3, 0.2, 0.2, 0.2, 0.1, 0.0, 0.0, 0.0]);
+        let narrow = Binding::new(mesh, &particles, [four; 3].into_iter()).expect("valid binding");
+        assert!(narrow.more().is_empty());
+        let first_four = ([4, 3, 2, 1], [0.4, 0.3, 0.2, 0.1]);
+        assert_eq!(narrow.vertices(), Binding::new(mesh, &particles, [first_four; 3].into_iter()).expect("valid binding").vertices());
+        let wide = Binding::new(mesh, &particles, [four, five, four].into_iter()).expect("valid binding");
+        let fifths: Vec<f32> = wide.more().iter().map(|more| more.weight(0)).collect();
+        assert_eq!(fifths.len(), 3);
+        assert!(fifths[0] == 0.0 && (fifths[1] - 0.1).abs() < 2e-5 && fifths[2] == 0.0, "{fifths:?}");
+        assert_eq!(wide.vertices()[0], narrow.vertices()[0]);
     }
 
     #[test]
@@ -362,6 +319,6 @@ mod tests {
             BindingError::NotFinite { what: "position", index: 0 }
         );
         let mesh = RestMesh { positions: &[], ..mesh };
-        assert_eq!(Binding::new(mesh, &[Vec3::ZERO], [].into_iter()).unwrap_err(), BindingError::Empty { vertices: 0, particles: 1 });
+        assert_eq!(Binding::new(mesh, &[Vec3::ZERO], [whole(0); 0].into_iter()).unwrap_err(), BindingError::Empty { vertices: 0, particles: 1 });
     }
 }

@@ -4,22 +4,24 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, f32x8};
 use glam::{Vec3, Vec4};
 
-use crate::{Binding, ParticleTransform, RestVertex};
+use crate::{Binding, FourInfluences, ParticleTransform};
 
 /// Squared length \[1\] under which a blended normal has no direction and the rest normal stays.
 pub const DEGENERATE_LENGTH_SQUARED: f32 = 1e-12;
 
-/// Σ_k w_k·M_k over a vertex's four influences.
+/// Σ_k w_k·M_k over the influences of a vertex.
 ///
 /// # Panics
-/// If `transforms` is shorter than the binding's particles.
-pub fn blend(vertex: &RestVertex, transforms: &[ParticleTransform]) -> ParticleTransform {
+/// If the binding has no such vertex, or `transforms` is shorter than its particles.
+pub fn blend(binding: &Binding, vertex: usize, transforms: &[ParticleTransform]) -> ParticleTransform {
     let mut rows = [Vec4::ZERO; 3];
-    for slot in 0..4 {
-        let weight = vertex.weight(slot);
-        let transform = &transforms[vertex.particle(slot) as usize];
-        for (row, other) in rows.iter_mut().zip(transform.rows) {
-            *row += weight * other;
+    for four in std::iter::once(&binding.vertices()[vertex].influences).chain(binding.more().get(vertex)) {
+        for slot in 0..4 {
+            let weight = four.weight(slot);
+            let transform = &transforms[four.particle(slot) as usize];
+            for (row, other) in rows.iter_mut().zip(transform.rows) {
+                *row += weight * other;
+            }
         }
     }
     ParticleTransform { rows }
@@ -55,7 +57,11 @@ pub fn skin(binding: &Binding, transforms: &[ParticleTransform], out: SkinnedVer
         return false;
     }
     let columns: Vec<Columns> = transforms.iter().map(Columns::from).collect();
-    dispatch!(Level::new(), simd => skin_all(simd, binding, &columns, out));
+    if binding.more().is_empty() {
+        dispatch!(Level::new(), simd => skin_all::<_, false>(simd, binding, &columns, out));
+    } else {
+        dispatch!(Level::new(), simd => skin_all::<_, true>(simd, binding, &columns, out));
+    }
     true
 }
 
@@ -75,8 +81,9 @@ impl From<&ParticleTransform> for Columns {
     }
 }
 
+/// `WIDE` if there are vertices with more than four influences.
 #[inline(always)]
-fn skin_all<S: Simd>(simd: S, binding: &Binding, transforms: &[Columns], mut out: SkinnedVertices<'_>) {
+fn skin_all<S: Simd, const WIDE: bool>(simd: S, binding: &Binding, transforms: &[Columns], mut out: SkinnedVertices<'_>) {
     let normals = out.normals.take().filter(|_| binding.has_normals()).unwrap_or_default();
     let tangents = out.tangents.take().unwrap_or_default();
     let tangents_at_rest = if tangents.is_empty() { &[] } else { binding.tangents() };
@@ -84,7 +91,11 @@ fn skin_all<S: Simd>(simd: S, binding: &Binding, transforms: &[Columns], mut out
     for (eight, vertices) in binding.vertices().chunks(LANES).enumerate() {
         let first = eight * LANES;
         for (l, vertex) in vertices.iter().enumerate().take(LANES) {
-            let columns = blend_columns(simd, vertex, transforms);
+            let mut sum = weighted(simd, &vertex.influences, transforms, [f32x8::splat(simd, 0.0); 2]);
+            if WIDE && let Some(more) = binding.more().get(first + l) {
+                sum = weighted(simd, more, transforms, sum);
+            }
+            let columns = columns(sum);
             if let Some(position) = out.positions.get_mut(first + l) {
                 *position = truncate(rotate(simd, &columns, &vertex.position) + columns[3]);
             }
@@ -145,15 +156,20 @@ impl Turned {
     }
 }
 
-/// The columns of [`blend`].
+/// The maps of four influences by their weights, on top of `sum`.
 #[inline(always)]
-fn blend_columns<S: Simd>(simd: S, vertex: &RestVertex, transforms: &[Columns]) -> [f32x4<S>; 4] {
-    let (mut xy, mut zt) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
-    for (particle, weight) in vertex.particles().into_iter().zip(vertex.weights()) {
+fn weighted<S: Simd>(simd: S, four: &FourInfluences, transforms: &[Columns], [mut xy, mut zt]: [f32x8<S>; 2]) -> [f32x8<S>; 2] {
+    for (particle, weight) in four.particles().into_iter().zip(four.weights()) {
         let (transform, weight) = (&transforms[usize::from(particle)], f32x8::splat(simd, weight));
         xy = f32x8::load_array_ref(simd, &transform.xy).mul_add(weight, xy);
         zt = f32x8::load_array_ref(simd, &transform.zt).mul_add(weight, zt);
     }
+    [xy, zt]
+}
+
+/// The columns of [`blend`].
+#[inline(always)]
+fn columns<S: Simd>([xy, zt]: [f32x8<S>; 2]) -> [f32x4<S>; 4] {
     let ((x, y), (z, t)) = (xy.split(), zt.split());
     [x, y, z, t]
 }
@@ -186,18 +202,24 @@ mod tests {
         let positions: Vec<[f32; 3]> = (0..11).map(|i| (noise(i) * 2.0).into()).collect();
         let normals: Vec<[f32; 3]> = (0..11).map(|i| if i == 4 { [0.0; 3] } else { noise(i + 50).normalize().into() }).collect();
         let tangents: Vec<[f32; 4]> = (0..11).map(|i| noise(i + 90).normalize().extend(-1.0).into()).collect();
-        let influences = (0..11u32).map(|i| ([i % 6, (i + 1) % 6, (i + 3) % 6, (i + 4) % 6], [0.4, 0.3, 0.2, 0.1]));
         let mesh = RestMesh { positions: &positions, normals: &normals, tangents: &tangents };
-        let binding = Binding::new(mesh, &particles, influences).unwrap();
+        let four = (0..11u32).map(|i| ([i % 6, (i + 1) % 6, (i + 3) % 6, (i + 4) % 6], [0.4, 0.3, 0.2, 0.1]));
+        // Every other vertex follows six.
+        let six = (0..11u32).map(|i| {
+            let weights = if i % 2 == 0 { [0.3, 0.2, 0.2, 0.1, 0.1, 0.1] } else { [0.4, 0.3, 0.2, 0.1, 0.0, 0.0] };
+            ([0, 1, 2, 3, 4, 5].map(|k| (i + k) % 6), weights)
+        });
+        let bindings = [Binding::new(mesh, &particles, four).unwrap(), Binding::new(mesh, &particles, six).unwrap()];
+        assert!(bindings[0].more().is_empty() && bindings[1].more().len() == 11);
         let pose = |(i, &rest): (usize, &Vec3)| ParticleTransform::new(noise(i + 20), Quat::from_scaled_axis(noise(i)), 1.5, rest);
-        let transforms: Vec<_> = binding.rest_particles().iter().enumerate().map(pose).collect();
-        for wanted in [11, 9, 3, 0] {
+        for (binding, wanted) in bindings.iter().flat_map(|binding| [11, 9, 3, 0].map(|wanted| (binding, wanted))) {
+            let transforms: Vec<_> = binding.rest_particles().iter().enumerate().map(pose).collect();
             let (mut x, mut n, mut t) = (vec![[7.0; 3]; 11], vec![[7.0; 3]; wanted], vec![[7.0; 4]; wanted]);
             let out = SkinnedVertices { positions: &mut x, normals: Some(&mut n), tangents: Some(&mut t) };
-            assert!(skin(&binding, &transforms, out));
+            assert!(skin(binding, &transforms, out));
             let close = |a: [f32; 3], b: Vec3| assert!(Vec3::from(a).distance(b) < 2e-6, "{a:?} {b}");
             for (i, vertex) in binding.vertices().iter().enumerate() {
-                let blended = blend(vertex, &transforms);
+                let blended = blend(binding, i, &transforms);
                 close(x[i], blended.transform_point(vertex.position.into()));
                 if i < wanted {
                     close(n[i], blend_direction(&blended, vertex.normal.into()));

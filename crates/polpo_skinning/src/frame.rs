@@ -11,11 +11,8 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::gpu::{WORKGROUP_SIZE, check_binding_size};
+use crate::gpu::{NONE, WORKGROUP_SIZE, check_binding_size};
 use crate::{GpuBinding, GpuError, ParticleTransform, SkinPipeline, Target, VertexLayout};
-
-/// An attribute that is not written; as in `skin.wgsl`.
-const NONE: u32 = u32::MAX;
 
 /// `Batch` of the shader.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -25,6 +22,9 @@ pub(crate) struct GpuBatch {
     job_count: u32,
     groups_per_job: u32,
     vertex_count: u32,
+    more: u32,
+    // A uniform is made of sixteen bytes at a time.
+    padding: [u32; 3],
 }
 
 /// `Job` of the shader.
@@ -47,6 +47,7 @@ struct Body {
     /// Words of the target that the body's vertices take.
     words: Range<u64>,
     vertices: u32,
+    more: u32,
     layout: VertexLayout,
     first_transform: u32,
 }
@@ -180,6 +181,7 @@ impl SkinFrame {
             target: target.buffer.clone(),
             words: target.first_word..end,
             vertices: binding.vertices,
+            more: binding.more,
             layout,
             first_transform: transforms.start,
         });
@@ -274,6 +276,8 @@ impl SkinFrame {
                 job_count: bodies.len() as u32,
                 groups_per_job: bodies[0].vertices.div_ceil(WORKGROUP_SIZE),
                 vertex_count: bodies[0].vertices,
+                more: bodies[0].more,
+                padding: [0; 3],
             };
             bytes[..size_of::<GpuBatch>()].copy_from_slice(bytemuck::bytes_of(&batch));
             self.jobs.extend(bodies.iter().map(|body| GpuJob {

@@ -15,6 +15,9 @@ use crate::frame::GpuBatch;
 /// Vertices a workgroup skins; as in `skin.wgsl`.
 pub(crate) const WORKGROUP_SIZE: u32 = 64;
 
+/// What is not there: an attribute that is not written, influences beyond the fourth; as in `skin.wgsl`.
+pub(crate) const NONE: u32 = u32::MAX;
+
 /// Why a GPU cannot skin, or cannot skin this.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GpuError {
@@ -90,14 +93,17 @@ pub struct GpuBinding {
     pub(crate) particles: u32,
     pub(crate) has_normals: bool,
     pub(crate) has_tangents: bool,
+    /// The word of `rest` at which the fifth to eighth influences start; as many as vertices, [`NONE`] if there are none.
+    pub(crate) more: u32,
 }
 
 impl GpuBinding {
-    /// Uploads `binding` (40 bytes a vertex, 52 with tangents).
+    /// Uploads `binding`: 40 bytes a vertex, 12 more with tangents, 16 more with more than four influences.
     pub fn new(device: &wgpu::Device, binding: &Binding) -> Result<Self, GpuError> {
         let vertices = binding.vertices();
         let tangents = binding.tangents();
-        let bytes = size_of_val(vertices) + size_of_val(tangents);
+        let more = binding.more();
+        let bytes = size_of_val(vertices) + size_of_val(tangents) + size_of_val(more);
         check_binding_size(&device.limits(), bytes as u64)?;
         // The shader counts words of this buffer in 32 bits, which is 16 GiB.
         if bytes / 4 > u32::MAX as usize {
@@ -111,9 +117,10 @@ impl GpuBinding {
         });
         {
             let mut mapped = rest.get_mapped_range_mut(..);
-            let split = size_of_val(vertices);
-            mapped.slice(..split).copy_from_slice(bytemuck::cast_slice(vertices));
-            mapped.slice(split..).copy_from_slice(bytemuck::cast_slice(tangents));
+            let (first, second) = (size_of_val(vertices), size_of_val(vertices) + size_of_val(tangents));
+            mapped.slice(..first).copy_from_slice(bytemuck::cast_slice(vertices));
+            mapped.slice(first..second).copy_from_slice(bytemuck::cast_slice(tangents));
+            mapped.slice(second..).copy_from_slice(bytemuck::cast_slice(more));
         }
         rest.unmap();
         Ok(Self {
@@ -122,6 +129,7 @@ impl GpuBinding {
             particles: binding.rest_particles().len() as u32,
             has_normals: binding.has_normals(),
             has_tangents: !tangents.is_empty(),
+            more: if more.is_empty() { NONE } else { ((size_of_val(vertices) + size_of_val(tangents)) / 4) as u32 },
         })
     }
 

@@ -3,7 +3,7 @@
 //! # The quantity
 //!
 //! A body has particles k with rest position p̄_k, current position p_k and rotation since rest R_k, and a mesh with rest vertices x̄.
-//! Every vertex follows up to four particles with weights w_k that sum to one (linear blend skinning):
+//! Every vertex follows up to eight particles with weights w_k that sum to one (linear blend skinning):
 //!
 //! ```text
 //! x = Σ_k w_k·(p_k + s·R_k·(x̄ − p̄_k)) = Σ_k w_k·M_k·(x̄, 1),    M_k = [ s·R_k | p_k − s·R_k·p̄_k ]
@@ -11,7 +11,7 @@
 //! ```
 //!
 //! with s the body's uniform scale. M_k is a 3×4 affine map, [`ParticleTransform`], formed once per particle and frame. Because the weights sum to one, blending the matrices
-//! first and applying the blend once is the same sum, at a quarter of the products; that is the order both kernels use.
+//! first and applying the blend once is the same sum, with fewer products; that is the order both kernels use.
 //!
 //! Degenerate cases. Where rotations half a turn apart cancel, Σ w_k R_k n̄ has no direction: the normal stays the rest normal. A zero rest normal stays zero. Linear blending loses
 //! volume where neighbours twist against each other, by cos(θ/2) between two particles θ apart: 0.92 at 45°, 0.71 at 90°.
@@ -23,6 +23,7 @@
 //! | file | what |
 //! |---|---|
 //! | [`binding`] | what never changes: rest vertices, particles, weights, checked and packed; built once per mesh and rig |
+//! | [`influences`] | up to four particles a vertex, or up to eight |
 //! | [`transform`] | what changes every frame: one affine map per particle |
 //! | [`gpu`] | the pipeline and the packed bindings on the GPU: `skin.wgsl` writes into interleaved vertex buffers of any layout |
 //! | [`frame`] | the bodies of a frame: pooled buffers and dispatches |
@@ -41,6 +42,7 @@ pub mod frame;
 pub mod gpu;
 #[cfg(feature = "gpu")]
 pub mod headless;
+pub mod influences;
 pub mod transform;
 
 pub use binding::{Binding, BindingError, RestMesh, RestVertex};
@@ -49,4 +51,5 @@ pub use bounds::Aabb;
 pub use frame::SkinFrame;
 #[cfg(feature = "gpu")]
 pub use gpu::{GpuBinding, GpuError, SkinPipeline, Target, VertexLayout};
+pub use influences::{FourInfluences, MOST_INFLUENCES};
 pub use transform::ParticleTransform;

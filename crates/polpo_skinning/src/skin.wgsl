@@ -6,6 +6,11 @@ struct Batch {
     job_count: u32,
     groups_per_job: u32,
     vertex_count: u32,
+    // The word at which the fifth to eighth influences start, NONE if no vertex has any.
+    more: u32,
+    padding_0: u32,
+    padding_1: u32,
+    padding_2: u32,
 }
 
 // One body. Offsets are in words of 32 bits: the body's first vertex, then per vertex.
@@ -24,7 +29,8 @@ const REST_WORDS: u32 = 10u;
 const DEGENERATE_LENGTH_SQUARED: f32 = 1e-12;
 
 @group(0) @binding(0) var<uniform> batch: Batch;
-// vertex_count records of REST_WORDS words (position, normal, 4 × u16 particles, 4 × unorm16 weights), then, if the mesh has tangents, vertex_count × 3 words.
+// vertex_count records of REST_WORDS words (position, normal, 4 × u16 particles, 4 × unorm16 weights), then, if the mesh has tangents, vertex_count × 3 words, then, if some vertex has more
+// influences than four, vertex_count × 4 words (4 × u16 particles, 4 × unorm16 weights).
 @group(0) @binding(1) var<storage, read> rest: array<u32>;
 @group(0) @binding(2) var<storage, read> jobs: array<Job>;
 // Three rows of [s·R | t] per particle.
@@ -35,8 +41,24 @@ fn rest_vector(word: u32) -> vec3<f32> {
     return bitcast<vec3<f32>>(vec3<u32>(rest[word], rest[word + 1u], rest[word + 2u]));
 }
 
-fn blend_direction(row0: vec4<f32>, row1: vec4<f32>, row2: vec4<f32>, direction: vec3<f32>) -> vec3<f32> {
-    let rotated = vec3<f32>(dot(row0.xyz, direction), dot(row1.xyz, direction), dot(row2.xyz, direction));
+// The maps of four influences by their weights, on top of `sum`.
+fn weighted(four: u32, first_transform: u32, sum: mat3x4<f32>) -> mat3x4<f32> {
+    var rows = sum;
+    for (var slot = 0u; slot < 4u; slot++) {
+        let word = four + (slot >> 1u);
+        let shift = (slot & 1u) * 16u;
+        let particle = (rest[word] >> shift) & 0xffffu;
+        let weight = f32((rest[word + 2u] >> shift) & 0xffffu) / 65535.0;
+        let transform = (first_transform + particle) * 3u;
+        rows[0] += weight * transforms[transform];
+        rows[1] += weight * transforms[transform + 1u];
+        rows[2] += weight * transforms[transform + 2u];
+    }
+    return rows;
+}
+
+fn blend_direction(rows: mat3x4<f32>, direction: vec3<f32>) -> vec3<f32> {
+    let rotated = vec3<f32>(dot(rows[0].xyz, direction), dot(rows[1].xyz, direction), dot(rows[2].xyz, direction));
     let length_squared = dot(rotated, rotated);
     if length_squared > DEGENERATE_LENGTH_SQUARED {
         return rotated / sqrt(length_squared);
@@ -66,29 +88,20 @@ fn skin(
     let job = jobs[batch.first_job + job_index];
 
     let record = vertex * REST_WORDS;
-    var row0 = vec4<f32>(0.0);
-    var row1 = vec4<f32>(0.0);
-    var row2 = vec4<f32>(0.0);
-    for (var slot = 0u; slot < 4u; slot++) {
-        let word = record + 6u + (slot >> 1u);
-        let shift = (slot & 1u) * 16u;
-        let particle = (rest[word] >> shift) & 0xffffu;
-        let weight = f32((rest[word + 2u] >> shift) & 0xffffu) / 65535.0;
-        let transform = (job.first_transform + particle) * 3u;
-        row0 += weight * transforms[transform];
-        row1 += weight * transforms[transform + 1u];
-        row2 += weight * transforms[transform + 2u];
+    var rows = weighted(record + 6u, job.first_transform, mat3x4<f32>());
+    if batch.more != NONE {
+        rows = weighted(batch.more + vertex * 4u, job.first_transform, rows);
     }
 
     let base = job.first_word + vertex * job.stride;
     let position = vec4<f32>(rest_vector(record), 1.0);
-    write_vector(base + job.position, vec3<f32>(dot(row0, position), dot(row1, position), dot(row2, position)));
+    write_vector(base + job.position, vec3<f32>(dot(rows[0], position), dot(rows[1], position), dot(rows[2], position)));
     if job.normal != NONE {
         let normal = rest_vector(record + 3u);
-        write_vector(base + job.normal, blend_direction(row0, row1, row2, normal));
+        write_vector(base + job.normal, blend_direction(rows, normal));
     }
     if job.tangent != NONE {
         let tangent = rest_vector(batch.vertex_count * REST_WORDS + vertex * 3u);
-        write_vector(base + job.tangent, blend_direction(row0, row1, row2, tangent));
+        write_vector(base + job.tangent, blend_direction(rows, tangent));
     }
 }

@@ -223,7 +223,7 @@ fn bind(bindings: &mut Bindings, id: AssetId<Mesh>, mesh: &Mesh, rig: &Arc<Rig>)
     let binding = Binding::new(
         RestMesh { positions, normals: cut(normals, vertices), tangents: cut(tangents, vertices) },
         &particles,
-        rig.skin.iter().map(|influences| influences.four()),
+        rig.skin.iter().map(|influences| (influences.particles, influences.weights)),
     )?;
     let shared = Arc::new(SharedBinding { binding, layout, rig: rig.clone() });
     bindings.0.retain(|_, shared| shared.strong_count() > 0);

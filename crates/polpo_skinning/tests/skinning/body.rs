@@ -38,8 +38,13 @@ pub(crate) struct Body {
     pub(crate) binding: Binding,
 }
 
-/// A tube of `rings` rings of 12 vertices and `particles` particles, its middle at `offset`.
+/// A tube of `rings` rings of 12 vertices and `particles` particles, its middle at `offset`; a vertex follows its four nearest.
 pub(crate) fn tube(rings: usize, particles: usize, offset: Vec3) -> Body {
+    tube_following::<4>(rings, particles, offset)
+}
+
+/// The same with vertices that follow their `N` nearest.
+pub(crate) fn tube_following<const N: usize>(rings: usize, particles: usize, offset: Vec3) -> Body {
     let along = |i: usize, n: usize| SIZE * (i as f32 / (n - 1) as f32 - 0.5);
     let particles: Vec<Vec3> = (0..particles)
         .map(|i| {
@@ -62,7 +67,7 @@ pub(crate) fn tube(rings: usize, particles: usize, offset: Vec3) -> Body {
             let normal = if (ring, side) == (0, 0) { Vec3::ZERO } else { normal };
             normals.push(normal.to_array());
             tangents.push([1.0, 0.0, 0.0, -1.0]);
-            influences.push(nearest_four(position, &particles));
+            influences.push(nearest::<N>(position, &particles));
         }
     }
     let mesh = RestMesh { positions: &positions, normals: &normals, tangents: &tangents };
@@ -70,13 +75,13 @@ pub(crate) fn tube(rings: usize, particles: usize, offset: Vec3) -> Body {
     Body { positions, normals, tangents, particles, binding }
 }
 
-fn nearest_four(position: Vec3, particles: &[Vec3]) -> ([u32; 4], [f32; 4]) {
+fn nearest<const N: usize>(position: Vec3, particles: &[Vec3]) -> ([u32; N], [f32; N]) {
     let mut order: Vec<u32> = (0..particles.len() as u32).collect();
     let distance = |i: u32| particles[i as usize].distance(position);
     order.sort_by(|&a, &b| distance(a).total_cmp(&distance(b)));
-    let mut indices = [order[0]; 4];
-    let mut weights = [0.0; 4];
-    for (slot, &particle) in order.iter().take(4).enumerate() {
+    let mut indices = [order[0]; N];
+    let mut weights = [0.0; N];
+    for (slot, &particle) in order.iter().take(N).enumerate() {
         indices[slot] = particle;
         weights[slot] = 1.0 / (0.1 + distance(particle));
     }

@@ -2,7 +2,7 @@
 //!
 //! Needs an adapter. Without one the tests say so and pass, unless POLPO_REQUIRE_GPU=1.
 
-use crate::body::{Body, Random, SIZE, tube};
+use crate::body::{Body, Random, SIZE, tube, tube_following};
 use glam::Vec3;
 use polpo_skinning::cpu::{SkinnedVertices, skin};
 use polpo_skinning::headless::{self, Headless};
@@ -104,9 +104,12 @@ fn shader_matches_its_mirror_on_random_poses() {
     let mut frame = SkinFrame::default();
     let mut random = Random(42);
     // Vertex counts around the workgroup's size, so that rests of groups are covered; several bodies of one binding, and a second binding, in one buffer.
-    let bodies = [tube(2, 4, Vec3::ZERO), tube(16, 9, Vec3::new(3.0, 1.0, 0.0)), tube(61, 40, Vec3::ZERO)];
+    // The last follows more than four particles a vertex.
+    let bodies =
+        [tube(2, 4, Vec3::ZERO), tube(16, 9, Vec3::new(3.0, 1.0, 0.0)), tube(61, 40, Vec3::ZERO), tube_following::<8>(17, 12, Vec3::ZERO)];
+    assert_eq!(bodies.each_ref().map(|body| body.binding.more().len()), [0, 0, 0, 17 * 12]);
     let bindings = bodies.each_ref().map(|body| GpuBinding::new(&gpu.device, &body.binding).expect("fits"));
-    let order = [0, 1, 2, 1, 1, 0, 2];
+    let order = [0, 1, 2, 3, 1, 1, 3, 0, 2];
     let stride = LAYOUT.stride as usize;
     let words: usize = order.iter().map(|&i| (bodies[i].positions.len() + 1) * stride).sum();
     let buffer = vertex_buffer(&gpu, words);
@@ -125,7 +128,7 @@ fn shader_matches_its_mirror_on_random_poses() {
             first += (bodies[i].positions.len() + 1) * stride;
         }
         run(&gpu, &pipeline, &mut frame);
-        assert_eq!(frame.dispatch_count(), 3, "one dispatch a binding");
+        assert_eq!(frame.dispatch_count(), 4, "one dispatch a binding");
         worst = worst.max(largest_error(&read(&gpu, &buffer), &expected));
     }
     eprintln!("GPU against CPU on {} ({:?}): largest error {worst:e} of the body's size", gpu.info.name, gpu.info.backend);

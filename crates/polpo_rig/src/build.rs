@@ -1,9 +1,11 @@
 //! The stages in a row: a mesh in, a rig out.
 
+use crate::cells::Cells;
 use crate::clean::Surface;
+use crate::fill::Fill;
 use crate::sample::Sample;
 use crate::voxels::Voxels;
-use crate::{Amount, EdgeAmount, Mesh, Particle, Recipe, Rig, RigError, edges, ellipsoids, skin};
+use crate::{Amount, EdgeAmount, Mesh, Particle, Recipe, Rig, RigError, edges, ellipsoids, partition, skin};
 
 /// A rig, and what its builder has to say of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,13 +94,17 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
         // Not yet.
         Amount::Spacing(_) => 300,
     };
-    let voxels = Voxels::new(&surface, wanted);
+    let voxels = Voxels::new(&surface, wanted, recipe.material.is_some());
     if voxels.len() < wanted {
         let name = mesh.name.clone();
         return Err(RigError::TooFewVoxels { name, wanted, voxels: voxels.len() });
     }
     progress(Stage::Sample);
-    let sample = Sample::new(&voxels, wanted);
+    let mut sample = Sample::new(&voxels, wanted);
+    let fill = recipe.material.map(|material| (material, Fill::new(&surface, &voxels)));
+    if let Some((_, fill)) = &fill {
+        partition::settle(&voxels, fill, &mut sample);
+    }
     progress(Stage::Edges);
     let edges = match recipe.edges {
         EdgeAmount::PerParticle(n) => (f64::from(n) * sample.positions.len() as f64).round() as usize,
@@ -114,15 +120,17 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
     // Voxels count the volume to a few percent; the mesh itself knows better, unless it crosses itself.
     let counted = voxels.len() as f64 * voxels.size * voxels.size * voxels.size;
     let volume = surface.volume().filter(|v| (0.8..1.25).contains(&(v / counted))).unwrap_or(counted);
+    let cells = fill.map(|(material, fill)| Cells::new(material, &surface, &voxels, &fill, &sample, &edges, volume));
     let scale = surface.scale;
-    let voxel_mass = f64::from(recipe.density) * scale * scale * scale * volume / voxels.len() as f64;
-    let particles = ellipsoids.iter().zip(&sample.volumes).map(|(e, &volume)| Particle {
+    let voxel = scale * scale * scale * volume / voxels.len() as f64;
+    let volume = |i: usize| cells.as_ref().map_or(voxel * f64::from(sample.volumes[i]), |c| c.volumes[i].into());
+    let particles = ellipsoids.iter().enumerate().map(|(i, e)| Particle {
         position: (surface.origin + e.centre * surface.scale).as_vec3(),
         frame: e.rotation().as_quat(),
         radii: (e.radii * surface.scale).as_vec3(),
-        mass: (voxel_mass * f64::from(volume)) as f32,
+        mass: (f64::from(recipe.density) * volume(i)) as f32,
     });
-    let rig = Rig { mesh_hash: mesh.hash(), particles: particles.collect(), edges, skin, ..Rig::default() };
+    let rig = Rig { mesh_hash: mesh.hash(), particles: particles.collect(), edges, skin, cells, ..Rig::default() };
     rig.validate_as(&mesh.name)?;
     Ok(Built { rig, notes: Vec::new() })
 }

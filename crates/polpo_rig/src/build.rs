@@ -1,11 +1,13 @@
 //! The stages in a row: a mesh in, a rig out.
 
+use crate::cells::Cells;
 use crate::clean::Surface;
 use crate::edit::Edits;
+use crate::fill::Fill;
 use crate::marks::Marks;
 use crate::sample::Sample;
 use crate::voxels::Voxels;
-use crate::{Amount, EdgeAmount, Mesh, Particle, Recipe, Rig, RigError, edges, ellipsoids, skin};
+use crate::{Amount, EdgeAmount, Mesh, Particle, Recipe, Rig, RigError, edges, ellipsoids, partition, skin};
 
 /// A rig, and what its builder has to say of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,7 +96,7 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
         // Not yet.
         Amount::Spacing(_) => 300,
     };
-    let voxels = Voxels::new(&surface, wanted);
+    let voxels = Voxels::new(&surface, wanted, recipe.material.is_some());
     if voxels.len() < wanted {
         let name = mesh.name.clone();
         return Err(RigError::TooFewVoxels { name, wanted, voxels: voxels.len() });
@@ -104,6 +106,10 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
     let divided = marks.as_ref().map(|marks| marks.divide(&voxels));
     let spread_over = divided.as_ref().unwrap_or(&voxels);
     let mut sample = Sample::new(spread_over, wanted);
+    let fill = recipe.material.map(|material| (material, Fill::new(&surface, &voxels)));
+    if let Some((_, fill)) = &fill {
+        partition::settle(spread_over, fill, &mut sample);
+    }
     let mut edits = Edits::new(&recipe.edits, &surface);
     edits.place(spread_over, &mut sample);
     drop(divided);
@@ -123,23 +129,25 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
     // Voxels count the volume to a few percent; the mesh itself knows better, unless it crosses itself.
     let counted = voxels.len() as f64 * voxels.size * voxels.size * voxels.size;
     let volume = surface.volume().filter(|v| (0.8..1.25).contains(&(v / counted))).unwrap_or(counted);
+    let cells = fill.map(|(material, fill)| Cells::new(material, &surface, &voxels, &fill, &sample, &edges, volume));
     let scale = surface.scale;
-    let voxel_mass = f64::from(recipe.density) * scale * scale * scale * volume / voxels.len() as f64;
-    // In voxels of the body's own density.
-    let mut weights = vec![0.0; sample.positions.len()];
+    let voxel = scale * scale * scale * volume / voxels.len() as f64;
+    let volume = |i: usize| cells.as_ref().map_or(voxel * f64::from(sample.volumes[i]), |c| c.volumes[i].into());
+    // The mean over a cell's voxels.
+    let mut densities = vec![0.0; sample.positions.len()];
     for (voxel, &owner) in (0..).zip(&sample.owner) {
-        let density = marks.as_ref().and_then(|marks| marks.density(voxel));
-        weights[owner as usize] += density.map_or(1.0, |density| f64::from(density) / f64::from(recipe.density));
+        let density = marks.as_ref().and_then(|marks| marks.density(voxel)).unwrap_or(recipe.density);
+        densities[owner as usize] += f64::from(density) / f64::from(sample.volumes[owner as usize]);
     }
-    let particles = ellipsoids.iter().zip(weights).map(|(e, weight)| Particle {
+    let particles = ellipsoids.iter().zip(densities).enumerate().map(|(i, (e, density))| Particle {
         position: (surface.origin + e.centre * surface.scale).as_vec3(),
         frame: e.rotation().as_quat(),
         radii: (e.radii * surface.scale).as_vec3(),
-        mass: (voxel_mass * weight) as f32,
+        mass: (density * volume(i)) as f32,
     });
     let particles = particles.collect();
     let (regions, empty) = marks.map(|marks| marks.regions(&sample)).unwrap_or_default();
-    let rig = Rig { mesh_hash: mesh.hash(), particles, edges, skin, regions, ..Rig::default() };
+    let rig = Rig { mesh_hash: mesh.hash(), particles, edges, skin, regions, cells };
     rig.validate_as(&mesh.name)?;
     let notes = empty.into_iter().map(|name| Note::EmptyRegion { name }).chain(edits.notes()).collect();
     Ok(Built { rig, notes })

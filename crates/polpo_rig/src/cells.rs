@@ -1,10 +1,16 @@
 //! Cells: how the particles divide the body's volume between them, and where the parts touch.
 
-use glam::Vec3;
+use glam::{DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::RigFault;
+use crate::clean::{DisjointSets, Surface};
+use crate::ellipsoids::outer;
+use crate::facets::{self, Patch};
+use crate::fill::Fill;
 use crate::recipe::RecipeMaterial;
+use crate::sample::Sample;
+use crate::voxels::Voxels;
+use crate::{RigFault, limb};
 
 /// What makes a body as stiff as its material: the volume of each particle's cell, and the facets between cells.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -48,6 +54,53 @@ pub struct Limb {
 }
 
 impl Cells {
+    /// The cells of a settled sample. `edges` tie what does not touch; the volumes add up to `volume`, in the unit box.
+    pub(crate) fn new(
+        material: RecipeMaterial,
+        surface: &Surface,
+        voxels: &Voxels,
+        fill: &Fill<'_>,
+        sample: &Sample,
+        edges: &[[u32; 2]],
+        volume: f64,
+    ) -> Cells {
+        let mut volumes = vec![0.0; sample.positions.len()];
+        for (&owner, &(share, _)) in sample.owner.iter().zip(&fill.parts) {
+            volumes[owner as usize] += share;
+        }
+        let unit = volume / volumes.iter().sum::<f64>();
+        volumes.iter_mut().for_each(|v| *v *= unit);
+
+        let mut patches = facets::between(voxels, fill, sample);
+        let mut sets = DisjointSets::new(volumes.len());
+        for patch in &patches {
+            sets.join(patch.pair[0], patch.pair[1]);
+        }
+        let ties: Vec<[u32; 2]> = edges.iter().copied().filter(|&[a, b]| sets.join(a, b)).collect();
+        patches.extend(ties.into_iter().filter_map(|pair| tie(pair, sample, &volumes)));
+        patches.sort_by_key(|p| p.pair);
+
+        let scale = surface.scale;
+        let (area, volume) = (scale * scale, scale * scale * scale);
+        let facets = patches.iter().map(|p| {
+            let [x, y, z] = [p.moments.x_axis, p.moments.y_axis, p.moments.z_axis].map(|c| c * area * area);
+            Facet {
+                pair: p.pair,
+                area: (p.area * area).as_vec3(),
+                centroid: (surface.origin + p.centroid * scale).as_vec3(),
+                moments: [x.x, y.y, z.z, x.y, x.z, y.z].map(|m| m as f32),
+            }
+        });
+        let limb = limb::find(fill, voxels.size).map(|bar| Limb {
+            axis: bar.axis.as_vec3(),
+            length: (bar.length * scale) as f32,
+            area: (bar.area * area) as f32,
+            bending: (bar.bending * area * area) as f32,
+            torsion: (bar.torsion * area * area) as f32,
+        });
+        Cells { material, facets: facets.collect(), volumes: volumes.iter().map(|v| (v * volume) as f32).collect(), limb }
+    }
+
     pub(crate) fn fault(&self, particles: usize) -> Option<RigFault> {
         if self.volumes.len() != particles {
             return Some(RigFault::Cells { what: "there is not one volume a particle", index: self.volumes.len() });
@@ -70,4 +123,18 @@ impl Cells {
             Some(RigFault::Cells { what, index })
         })
     }
+}
+
+/// The facet between two cells that do not touch: a square halfway, as large as the smaller cell is wide. `None` for two in the same place.
+fn tie([a, b]: [u32; 2], sample: &Sample, volumes: &[f64]) -> Option<Patch> {
+    let [x, y] = [a, b].map(|i| sample.positions[i as usize]);
+    let normal: DVec3 = (y - x).try_normalize()?;
+    let side = libm::cbrt(volumes[a as usize].min(volumes[b as usize]));
+    let area = side * side;
+    Some(Patch {
+        pair: [a, b],
+        area: normal * area,
+        centroid: (x + y) * 0.5,
+        moments: (DMat3::IDENTITY - outer(normal)) * (area * area / 12.0),
+    })
 }

@@ -121,7 +121,7 @@ fn covariance(pieces: &[Piece]) -> DMat3 {
     pieces.iter().fold(DMat3::ZERO, |sum, p| sum + outer(p.0 - mean) * (p.1 / area))
 }
 
-fn outer(d: DVec3) -> DMat3 {
+pub(crate) fn outer(d: DVec3) -> DMat3 {
     DMat3::from_cols(d * d.x, d * d.y, d * d.z)
 }
 
@@ -134,7 +134,7 @@ fn reach(skin: &[Piece], centre: DVec3, axis: DVec3) -> f64 {
 ///
 /// The larger of the two angles that zero an entry is never taken, so equal eigenvalues leave the axes where they are; a zero
 /// matrix gives the identity.
-fn eigen(mut m: DMat3) -> (DMat3, DVec3) {
+pub(crate) fn eigen(mut m: DMat3) -> (DMat3, DVec3) {
     let mut vectors = DMat3::IDENTITY;
     // Quadratic convergence: five sweeps reach f64, the rest is for luck.
     for _ in 0..12 {

@@ -89,7 +89,7 @@ fn centroids(voxels: &Voxels, owner: &[u32], count: usize) -> (Vec<DVec3>, Vec<u
 }
 
 /// The voxel of every cell that is nearest to its centre.
-fn central_voxels(voxels: &Voxels, owner: &[u32], centres: &[DVec3]) -> Vec<u32> {
+pub(crate) fn central_voxels(voxels: &Voxels, owner: &[u32], centres: &[DVec3]) -> Vec<u32> {
     let mut nearest = vec![(f64::INFINITY, 0); centres.len()];
     for (voxel, &cell) in owner.iter().enumerate() {
         let distance = voxels.centre(voxel as u32).distance_squared(centres[cell as usize]);

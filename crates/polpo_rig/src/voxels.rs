@@ -15,6 +15,8 @@ use crate::clean::{DisjointSets, Surface};
 
 /// Voxels wanted a particle: eight to nine across a cell.
 const VOXELS_A_PARTICLE: usize = 600;
+/// Where the facets between cells are to be known: eleven across.
+const VOXELS_A_CELL: usize = 1400;
 /// Fewer voxels than this don't show the shape, more cost seconds.
 const VOXELS: std::ops::RangeInclusive<usize> = 60_000..=1_000_000;
 /// Bounds of the grid around the body: 16 Mi cells of 6 bytes in all, and voxels along one side.
@@ -26,7 +28,7 @@ pub(crate) const STEPS: [u32; 3] = [58, 82, 100];
 /// Steps in a voxel's side.
 pub(crate) const STEPS_A_VOXEL: f64 = 58.0;
 
-const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 /// Bits of a grid cell, the first three shifted by the axis: the ray says inside; it abstains; the skin goes out and in again
 /// between this voxel and the one before it on the axis; the surface passes through.
 const INSIDE: u16 = 1;
@@ -39,19 +41,20 @@ pub(crate) struct Voxels {
     /// Side of a voxel.
     pub(crate) size: f64,
     origin: DVec3,
-    dims: IVec3,
+    pub(crate) dims: IVec3,
     /// Index of the voxel at every cell of the grid, or `NONE`.
-    grid: Vec<u32>,
-    cells: Vec<IVec3>,
+    pub(crate) grid: Vec<u32>,
+    pub(crate) cells: Vec<IVec3>,
     /// `links[first[v]..first[v + 1]]` are the neighbours of v, packed as neighbour · 4 + kind of step.
     first: Vec<u32>,
     links: Vec<u32>,
 }
 
 impl Voxels {
-    /// Voxelises a surface finely enough for so many particles, as far as memory and time allow.
-    pub(crate) fn new(surface: &Surface, particles: usize) -> Voxels {
-        let wanted = particles.saturating_mul(VOXELS_A_PARTICLE).clamp(*VOXELS.start(), *VOXELS.end()) as f64;
+    /// Voxelises a surface finely enough for so many particles, or for facets between their cells, as far as memory and time allow.
+    pub(crate) fn new(surface: &Surface, particles: usize, facets: bool) -> Voxels {
+        let wanted =
+            particles.saturating_mul(if facets { VOXELS_A_CELL } else { VOXELS_A_PARTICLE }).clamp(*VOXELS.start(), *VOXELS.end()) as f64;
         let mut grid = Grid::new(surface, 40.0);
         // The count grows with the third power of the resolution in a solid, the second in a sheet, the first in a wire.
         for _ in 0..5 {
@@ -75,7 +78,22 @@ impl Voxels {
 
     /// The centre of a voxel.
     pub(crate) fn centre(&self, voxel: u32) -> DVec3 {
-        self.origin + (self.cells[voxel as usize].as_dvec3() + 0.5) * self.size
+        self.middle(self.cells[voxel as usize])
+    }
+
+    /// The centre of a cell of the grid.
+    pub(crate) fn middle(&self, cell: IVec3) -> DVec3 {
+        self.origin + (cell.as_dvec3() + 0.5) * self.size
+    }
+
+    /// The cell of the grid that a point lies in.
+    pub(crate) fn cell(&self, point: DVec3) -> IVec3 {
+        ((point - self.origin) / self.size).floor().as_ivec3()
+    }
+
+    /// Whether a cell is in the grid.
+    pub(crate) fn holds(&self, cell: IVec3) -> bool {
+        cell.cmpge(IVec3::ZERO).all() && cell.cmplt(self.dims).all()
     }
 
     /// The neighbours a body's inside leads to directly, with the length of the step.
@@ -86,12 +104,12 @@ impl Voxels {
 
     /// The voxel a point lies in, if that is one of the body's.
     pub(crate) fn at(&self, point: DVec3) -> Option<u32> {
-        self.at_cell(((point - self.origin) / self.size).floor().as_ivec3())
+        self.at_cell(self.cell(point))
     }
 
-    fn at_cell(&self, cell: IVec3) -> Option<u32> {
-        let inside = cell.cmpge(IVec3::ZERO).all() && cell.cmplt(self.dims).all();
-        inside.then(|| self.grid[linear(self.dims, cell)]).filter(|&v| v != NONE)
+    /// The voxel at a cell of the grid, if that is one of the body's.
+    pub(crate) fn at_cell(&self, cell: IVec3) -> Option<u32> {
+        self.holds(cell).then(|| self.grid[linear(self.dims, cell)]).filter(|&v| v != NONE)
     }
 
     /// The body's voxel under a point of the skin with outward normal `normal`: the nearest to half a voxel below the skin. (A
@@ -101,7 +119,7 @@ impl Voxels {
         if let Some(voxel) = self.at(below) {
             return voxel;
         }
-        let middle = ((below - self.origin) / self.size).floor().as_ivec3();
+        let middle = self.cell(below);
         let distance = |v: u32| self.centre(v).distance_squared(below);
         for reach in 1..=3 {
             let around = block(IVec3::splat(-reach), IVec3::splat(reach));
@@ -181,7 +199,8 @@ fn block(min: IVec3, max: IVec3) -> impl Iterator<Item = IVec3> {
     (min.z..=max.z).flat_map(move |z| (min.y..=max.y).flat_map(move |y| (min.x..=max.x).map(move |x| IVec3::new(x, y, z))))
 }
 
-fn linear(dims: IVec3, cell: IVec3) -> usize {
+/// Where a cell stands in the lists of a grid.
+pub(crate) fn linear(dims: IVec3, cell: IVec3) -> usize {
     ((cell.z as usize * dims.y as usize) + cell.y as usize) * dims.x as usize + cell.x as usize
 }
 

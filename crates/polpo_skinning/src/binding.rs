@@ -319,6 +319,9 @@ mod tests {
             BindingError::NotFinite { what: "position", index: 0 }
         );
         let mesh = RestMesh { positions: &[], ..mesh };
-        assert_eq!(Binding::new(mesh, &[Vec3::ZERO], [whole(0); 0].into_iter()).unwrap_err(), BindingError::Empty { vertices: 0, particles: 1 });
+        assert_eq!(
+            Binding::new(mesh, &[Vec3::ZERO], [whole(0); 0].into_iter()).unwrap_err(),
+            BindingError::Empty { vertices: 0, particles: 1 }
+        );
     }
 }

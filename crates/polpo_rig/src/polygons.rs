@@ -109,14 +109,21 @@ fn within(p: DVec2, [a, b, c]: [DVec2; 3]) -> bool {
 mod tests {
     use super::*;
 
+    /// Triangles and area, which is the same from the other side.
     fn cut(outline: &[[f32; 2]]) -> (Vec<[u32; 3]>, f32) {
-        let positions: Vec<Vec3> = outline.iter().map(|p| Vec3::new(p[0], 7.0, -p[1])).collect();
+        let (above, below) = (cut_from(outline, 1.0), cut_from(outline, -1.0));
+        assert_eq!(above, below);
+        above
+    }
+
+    fn cut_from(outline: &[[f32; 2]], side: f32) -> (Vec<[u32; 3]>, f32) {
+        let positions: Vec<Vec3> = outline.iter().map(|p| Vec3::new(p[0], 7.0, -p[1] * side)).collect();
         let corners: Vec<u32> = (0..positions.len() as u32).collect();
         let mut triangles = Vec::new();
         Cutter::default().cut(&corners, &positions, &mut triangles).expect("little effort");
         let areas = triangles.iter().map(|t| {
             let [a, b, c] = t.map(|v| positions[v as usize]);
-            0.5 * (b - a).cross(c - a).y
+            0.5 * side * (b - a).cross(c - a).y
         });
         assert!(areas.clone().all(|a| a >= 0.0), "one is turned over: {triangles:?}");
         let sum = areas.sum();

@@ -44,10 +44,15 @@ fn attributes_names_and_sparse_elements_are_read() {
 
 #[test]
 fn quantised_normals_are_unit_vectors() {
-    let json = nodes_json(4).replace("\"POSITION\":0", "\"POSITION\":0,\"NORMAL\":2").replace(
-        "],\n        \"bufferViews\"",
-        ",{\"bufferView\":0,\"componentType\":5120,\"count\":8,\"type\":\"VEC3\"}],\n\"bufferViews\"",
-    );
+    let json = nodes_json(4)
+        // No transform, which would make them unit vectors anyway.
+        .replace("\"translation\":[10,0,0]", "\"name\":\"\"")
+        .replace("\"scale\":[-2,1,1],", "")
+        .replace("\"POSITION\":0", "\"POSITION\":0,\"NORMAL\":2")
+        .replace(
+            "],\n        \"bufferViews\"",
+            ",{\"bufferView\":0,\"componentType\":5120,\"count\":8,\"type\":\"VEC3\"}],\n\"bufferViews\"",
+        );
     let mesh = read("quantised.glb", glb(&json, &[&[100_u8; 24][..], &nodes_bytes()[24..]].concat()));
     assert!(mesh.normals.iter().all(|n| n.is_normalized()), "{:?}", mesh.normals);
 }

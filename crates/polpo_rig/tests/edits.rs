@@ -60,7 +60,8 @@ fn a_particle_is_moved_and_the_others_stay() {
         assert!(rig.particles[p].position.distance(expected) < 1e-6, "{p}");
     }
     assert!((mass(&rig) / mass(&plain) - 1.0).abs() < 1e-5);
-    assert_ne!(rig.particles[a].radii, plain.particles[a].radii);
+    // It takes of the cell that it came near to.
+    assert!(rig.particles[b].mass < 0.9 * plain.particles[b].mass, "{} of {} kg", rig.particles[b].mass, plain.particles[b].mass);
     fits(&rig, &mesh);
 }
 

@@ -55,7 +55,7 @@ fn every_wheel_is_a_group_of_its_own() {
     assert!((mass(&rig, &chassis) / 1500.0 - 1.0).abs() < 0.05);
 }
 
-/// Wheels in the chassis to a third of their width: skins that cross leave scraps, which get no particle.
+/// Wheels in the chassis: each keeps what it shares with it, or that is the chassis's, as the last rule says.
 #[test]
 fn parts_that_overlap_are_told_apart() {
     let deep = common::WHEELS.map(|[x, y, z]| [x, y + 0.2, if z < 0.5 { z + 0.1 } else { z - 0.1 }]);
@@ -68,7 +68,32 @@ fn parts_that_overlap_are_told_apart() {
             let at = rig.particles[p as usize].position - Vec3::from(place);
             assert!(at.cmpge(Vec3::ZERO).all() && at.cmple(Vec3::new(0.5, 0.5, 0.3)).all(), "{}: {at}", region.name);
         }
+        assert!((mass(&rig, &region.particles) / (400.0 * 0.075) - 1.0).abs() < 0.1);
     }
+    let chassis = RegionRule { node: Some("Chassis".into()), ..rule("chassis") };
+    let Built { rig, notes } = built(&common::truck_on(deep), 80, vec![wheels(), chassis]);
+    assert_eq!((notes.len(), rig.regions.len()), (0, 5));
+    for region in rig.regions.iter().filter(|r| r.name != "chassis") {
+        assert!(region.particles.iter().all(|&p| rig.particles[p as usize].position.y < 0.5));
+        assert!((mass(&rig, &region.particles) / (400.0 * 0.5 * 0.3 * 0.3) - 1.0).abs() < 0.1);
+    }
+}
+
+/// Specks far smaller than a cell get no particle, or a clumsy brush would cost one a stroke; but a region that is nothing else has one.
+#[test]
+fn scraps_are_no_regions() {
+    let beam = block([1, 1, 1], 1, Vec3::new(2.0, 0.4, 0.4));
+    let speck = |x: f32| {
+        let within = Within { min: [x, 0.3, 0.1], max: [x + 0.06, 9.0, 0.16] };
+        RegionRule { within: Some(within), ..rule("red") }
+    };
+    let specks: Vec<RegionRule> = [0.1, 0.3, 0.5, 0.7, 0.9].map(speck).into();
+    let end = RegionRule { within: Some(Within { min: [1.4, -1.0, -1.0], max: [9.0; 3] }), ..rule("red") };
+    let Built { rig, notes } = built(&beam, 4, [&specks[..], &[end]].concat());
+    assert_eq!((notes.len(), rig.particles.len()), (0, 4));
+    assert!(rig.regions[0].particles.iter().all(|&p| rig.particles[p as usize].position.x > 1.4));
+    let Built { rig, notes } = built(&beam, 4, specks);
+    assert_eq!((notes.len(), rig.particles.len(), rig.regions[0].particles.len()), (0, 4, 1));
 }
 
 /// Twelve triangles, all of which reach from end to end: the box cuts them, and what is inside follows the skin.

@@ -6,6 +6,8 @@ use super::camera::Camera;
 use super::canvas::Canvas;
 use super::model::Model;
 
+/// Samples a pixel, along either side.
+pub(crate) const FINE: usize = 3;
 /// Side of the lamp's view \[px\].
 const LAMP_VIEW: usize = 1024;
 /// How far a shadow's edge is softened, in pixels of the lamp's view.
@@ -46,31 +48,41 @@ impl<'a> Light<'a> {
         Light { camera, lamp, view, shadow, shadow_taps: spirals(), cranny_taps: spirals(), floor }
     }
 
-    /// Linear RGB of every sample of `model`, through `glass` if there is any.
+    /// Linear RGB of every pixel of `model`, through `glass` if there is any: the mean of its samples.
     pub(crate) fn shine(&self, model: &Model, glass: Option<&Model>, width: usize, height: usize) -> Vec<Vec3> {
-        let mut canvas = Canvas::seen(model, self.camera, width, height);
+        let (wide, high) = (width * FINE, height * FINE);
+        let mut canvas = Canvas::seen(model, self.camera, wide, high);
         let is_body: Vec<bool> = canvas.depth.iter().map(|d| d.is_finite()).collect();
-        let near = near_body(&is_body, width, CRANNY * width as f32);
+        let near = near_body(&is_body, wide, CRANNY * wide as f32);
         self.lay_floor(&mut canvas);
-        let glass = glass.map(|glass| Canvas::seen(glass, self.camera, width, height));
+        let glass = glass.map(|glass| Canvas::seen(glass, self.camera, wide, high));
+        let is_glass = |at: usize| glass.as_ref().is_some_and(|glass| glass.depth[at].is_finite());
+        let pixel = |x: usize, y: usize| {
+            let samples = || (0..FINE * FINE).map(|k| (y * FINE + k / FINE) * wide + x * FINE + k % FINE);
+            // On the bare floor the samples of a diagonal tell enough.
+            let every = if samples().any(|at| is_body[at] || is_glass(at)) { 1 } else { FINE + 1 };
+            let mut sum = Vec3::ZERO;
+            for at in samples().step_by(every) {
+                let close = near[0].contains(&(at % wide)) && near[1].contains(&(at / wide));
+                let behind = self.sample(&canvas, at, is_body[at], close);
+                let colour = match &glass {
+                    Some(glass) if is_glass(at) && (glass.depth[at] > canvas.depth[at] || !is_body[at]) => self.through(glass, at, behind),
+                    _ => behind,
+                };
+                sum += colour.clamp(Vec3::ZERO, Vec3::ONE);
+            }
+            sum / (FINE * FINE).div_ceil(every) as f32
+        };
         let mut picture = vec![Vec3::ZERO; width * height];
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
         let rows = height.div_ceil(threads).max(1);
-        // A sample's colour depends on nothing that is written here.
+        // A pixel's colour depends on nothing that is written here.
         std::thread::scope(|scope| {
             for (part, lines) in picture.chunks_mut(rows * width).enumerate() {
-                let (canvas, is_body, near, glass) = (&canvas, &is_body, &near, &glass);
+                let pixel = &pixel;
                 scope.spawn(move || {
-                    for (i, pixel) in lines.iter_mut().enumerate() {
-                        let at = part * rows * width + i;
-                        let close = near[0].contains(&(at % width)) && near[1].contains(&(at / width));
-                        let behind = self.sample(canvas, at, is_body[at], close);
-                        *pixel = match glass {
-                            Some(glass) if glass.depth[at] > canvas.depth[at] || (glass.depth[at].is_finite() && !is_body[at]) => {
-                                self.through(glass, at, behind)
-                            }
-                            _ => behind,
-                        };
+                    for (i, colour) in lines.iter_mut().enumerate() {
+                        *colour = pixel(i % width, part * rows + i / width);
                     }
                 });
             }
@@ -197,4 +209,46 @@ fn near_body(is_body: &[bool], width: usize, margin: f32) -> [std::ops::Range<us
     }
     let margin = margin as usize + 1;
     core::array::from_fn(|k| low[k].saturating_sub(margin)..high[k] + margin + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::draw::model::Ellipsoid;
+    use glam::Quat;
+
+    /// A ball of 1 m whose lowest point is `above` the floor, and the picture of it.
+    fn ball(above: f32) -> (Camera, Vec<Vec3>) {
+        let ball = Ellipsoid { centre: Vec3::ZERO, frame: Quat::IDENTITY, radii: Vec3::splat(0.5), colour: Vec3::X };
+        let model = Model { ellipsoids: vec![ball], ..Model::default() };
+        let camera =
+            Camera::framing([Vec3::splat(-2.0), Vec3::splat(2.0)].into_iter(), Vec3::new(0.0, 0.5, 1.0), 120 * FINE, 120 * FINE, 0.0);
+        let picture = Light::new(&model, &camera, -0.5 - above).shine(&model, None, 120, 120);
+        (camera, picture)
+    }
+
+    #[test]
+    fn a_ball_shades_the_floor_and_not_itself() {
+        let (camera, picture) = ball(0.0);
+        let at = |p: Vec3| {
+            let place = camera.place(p) / FINE as f32;
+            picture[place.y as usize * 120 + place.x as usize]
+        };
+        let to_lamp = Light::new(&Model::default(), &camera, 0.0).lamp;
+        let behind = Vec3::new(-to_lamp.x, 0.0, -to_lamp.z) / to_lamp.y * 0.5;
+        let (shade, open) = (at(behind - Vec3::Y * 0.5), at(-behind - Vec3::Y * 0.5 + behind * -1.5));
+        assert!(shade.x < 0.75 * open.x, "{shade} in the shade, {open} in the open");
+        // The lit side of a red ball is red, and much brighter than its other side.
+        let across = (to_lamp - camera.eye * to_lamp.dot(camera.eye)).normalize() * 0.42;
+        let (lit, dark) = (at(across), at(-across));
+        assert!(lit.x > 0.6 && lit.x > 4.0 * lit.y && lit.x > 2.0 * dark.x, "{lit} {dark}");
+        // High above the floor it shades what lies elsewhere.
+        let (_, high) = ball(40.0);
+        assert!(high.iter().zip(&picture).any(|(a, b)| a.x > 1.2 * b.x));
+    }
+
+    #[test]
+    fn pictures_are_the_same_twice() {
+        assert!(ball(0.1).1 == ball(0.1).1);
+    }
 }

@@ -242,6 +242,7 @@ fn shells_complete_the_commands() {
         let output = polpo(&["completions", shell]);
         assert_eq!(output.status.code(), Some(0));
         let script = text(&output.stdout);
+        assert!(script.contains(mark), "{shell}: {script}");
         assert!(
             ["rig", "inspect", "simulate", "completions", "write-recipe"].iter().all(|word| script.contains(word)),
             "{shell}: {script}"

@@ -55,6 +55,9 @@ impl<'a> Light<'a> {
         let is_body: Vec<bool> = canvas.depth.iter().map(|d| d.is_finite()).collect();
         let near = near_body(&is_body, wide, CRANNY * wide as f32);
         self.lay_floor(&mut canvas);
+        // Of every pixel the middle sample: near by in memory what is near by in the picture.
+        let coarse: Vec<f32> =
+            (0..width * height).map(|at| canvas.depth[(at / width * FINE + FINE / 2) * wide + at % width * FINE + FINE / 2]).collect();
         let glass = glass.map(|glass| Canvas::seen(glass, self.camera, wide, high));
         let is_glass = |at: usize| glass.as_ref().is_some_and(|glass| glass.depth[at].is_finite());
         let pixel = |x: usize, y: usize| {
@@ -64,7 +67,7 @@ impl<'a> Light<'a> {
             let mut sum = Vec3::ZERO;
             for at in samples().step_by(every) {
                 let close = near[0].contains(&(at % wide)) && near[1].contains(&(at / wide));
-                let behind = self.sample(&canvas, at, is_body[at], close);
+                let behind = self.sample(&canvas, at, is_body[at], close.then_some(coarse.as_slice()));
                 let colour = match &glass {
                     Some(glass) if is_glass(at) && (glass.depth[at] > canvas.depth[at] || !is_body[at]) => self.through(glass, at, behind),
                     _ => behind,
@@ -107,8 +110,8 @@ impl<'a> Light<'a> {
         }
     }
 
-    /// What is not `near` the body is in the open.
-    fn sample(&self, canvas: &Canvas, at: usize, is_body: bool, near: bool) -> Vec3 {
+    /// What has nothing `near` it, depths a pixel, is in the open.
+    fn sample(&self, canvas: &Canvas, at: usize, is_body: bool, near: Option<&[f32]>) -> Vec3 {
         let (x, y) = (at % canvas.width, at / canvas.width);
         let down = y as f32 / canvas.height as f32;
         let backdrop = BACKDROP[0].lerp(BACKDROP[1], down * down);
@@ -118,7 +121,7 @@ impl<'a> Light<'a> {
         let place = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, canvas.depth[at]);
         let normal = canvas.normal[at];
         let turn = turn(x, y);
-        let open = if near { self.openness(canvas, place, normal, turn) } else { 1.0 };
+        let open = near.map_or(1.0, |near| self.openness(near, canvas.width / FINE, place, normal, turn));
         let lit = self.lit(self.camera.world(place), normal, turn);
         if is_body { self.colour(canvas.colour[at], normal, open, lit) } else { backdrop * (0.35 + 0.65 * open) * (0.62 + 0.38 * lit) }
     }
@@ -145,19 +148,20 @@ impl<'a> Light<'a> {
     }
 
     /// How much of the sky a place sees, 0 to 1: what stands above its tangent plane near it takes from it, the nearer and steeper the more.
-    fn openness(&self, canvas: &Canvas, place: Vec3, normal: Vec3, turn: usize) -> f32 {
+    fn openness(&self, depth: &[f32], width: usize, place: Vec3, normal: Vec3, turn: usize) -> f32 {
         let normal = self.camera.turn(normal);
-        let radius = CRANNY * canvas.width as f32;
+        let radius = CRANNY * (width * FINE) as f32;
         let mut taken = 0.0;
         for tap in self.cranny_taps[turn] {
-            let to = place.truncate() + tap * radius;
+            let to = (place.truncate() + tap * radius) / FINE as f32;
             let (x, y) = (to.x as usize, to.y as usize);
-            if to.x < 0.0 || to.y < 0.0 || x >= canvas.width || y >= canvas.height {
+            if to.x < 0.0 || to.y < 0.0 || x >= width || (y + 1) * width > depth.len() {
                 continue;
             }
-            let way = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, canvas.depth[y * canvas.width + x]) - place;
+            let middle = |x: usize| (x as f32 + 0.5) * FINE as f32;
+            let way = Vec3::new(middle(x), middle(y), depth[y * width + x]) - place;
             let far = way.length();
-            if far > 0.5 && far < 2.0 * radius {
+            if far > FINE as f32 && far < 2.0 * radius {
                 taken += (normal.dot(way) / far - 0.12).max(0.0) * (1.0 - far / (2.0 * radius));
             }
         }

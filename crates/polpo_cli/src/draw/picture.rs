@@ -10,10 +10,8 @@ use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster};
 
 use super::camera::Camera;
 use super::model::Model;
-use super::shade::Light;
+use super::shade::{FINE, Light};
 
-/// Samples a pixel, along either side.
-const FINE: usize = 3;
 const MARGIN: f32 = 0.12;
 const INK: Vec3 = Vec3::new(0.012, 0.014, 0.018);
 
@@ -66,11 +64,11 @@ pub(crate) fn write(path: &Path, panels: &[Panel], columns: usize, size: [usize;
     for (index, panel) in panels.iter().enumerate() {
         // Glass throws no shadow.
         let light = Light::new(&panel.model, &camera, view.floor);
-        let samples = light.shine(&panel.model, panel.glass.as_ref(), width * FINE, height * FINE);
+        let pixels = light.shine(&panel.model, panel.glass.as_ref(), width, height);
         let corner = [index % columns * width, index / columns * height];
-        reduce(&samples, width, height, |x, y, colour| {
-            picture.put_pixel((corner[0] + x) as u32, (corner[1] + y) as u32, Rgb(encode(colour)));
-        });
+        for (i, &colour) in pixels.iter().enumerate() {
+            picture.put_pixel((corner[0] + i % width) as u32, (corner[1] + i / width) as u32, Rgb(encode(colour)));
+        }
         let [left, top] = corner.map(|c| c as u32);
         print(&mut picture, [left + 28, top + 16], &panel.title[0], FontWeight::Bold, RasterHeight::Size24);
         print(&mut picture, [left + 28, top + 44], &panel.title[1], FontWeight::Regular, RasterHeight::Size20);
@@ -88,17 +86,6 @@ pub(crate) fn write(path: &Path, panels: &[Panel], columns: usize, size: [usize;
     let file = std::fs::File::create(path).map_err(|e| refused(e.into()))?;
     let encoder = PngEncoder::new_with_quality(BufWriter::new(file), CompressionType::Best, FilterType::Adaptive);
     picture.write_with_encoder(encoder).map_err(refused)
-}
-
-/// The mean of the samples of every pixel.
-fn reduce(samples: &[Vec3], width: usize, height: usize, mut put: impl FnMut(usize, usize, Vec3)) {
-    for y in 0..height {
-        for x in 0..width {
-            let rows = samples.chunks_exact(width * FINE).skip(y * FINE).take(FINE);
-            let sum: Vec3 = rows.flat_map(|row| &row[x * FINE..(x + 1) * FINE]).map(|c| c.clamp(Vec3::ZERO, Vec3::ONE)).sum();
-            put(x, y, sum / (FINE * FINE) as f32);
-        }
-    }
 }
 
 /// Linear RGB to sRGB.
@@ -157,14 +144,5 @@ mod tests {
     fn linear_light_is_encoded_as_srgb() {
         assert_eq!(encode(Vec3::new(0.0, 0.215_861, 1.0)), [0, 128, 255]);
         assert_eq!(encode(Vec3::new(-1.0, 7.0, f32::NAN)), [0, 255, 0]);
-    }
-
-    #[test]
-    fn a_pixel_is_the_mean_of_its_samples() {
-        let mut samples = vec![Vec3::ZERO; 2 * FINE * FINE];
-        samples[FINE..2 * FINE].fill(Vec3::ONE);
-        let mut pixels = Vec::new();
-        reduce(&samples, 2, 1, |x, y, colour| pixels.push((x, y, colour.x)));
-        assert_eq!(pixels, [(0, 0, 0.0), (1, 0, 1.0 / FINE as f32)]);
     }
 }

@@ -6,6 +6,8 @@ use super::camera::Camera;
 use super::canvas::Canvas;
 use super::model::Model;
 
+/// Samples a pixel, along either side.
+pub(crate) const FINE: usize = 3;
 /// Side of the lamp's view \[px\].
 const LAMP_VIEW: usize = 1024;
 /// How far a shadow's edge is softened, in pixels of the lamp's view.
@@ -46,31 +48,44 @@ impl<'a> Light<'a> {
         Light { camera, lamp, view, shadow, shadow_taps: spirals(), cranny_taps: spirals(), floor }
     }
 
-    /// Linear RGB of every sample of `model`, through `glass` if there is any.
+    /// Linear RGB of every pixel of `model`, through `glass` if there is any: the mean of its samples.
     pub(crate) fn shine(&self, model: &Model, glass: Option<&Model>, width: usize, height: usize) -> Vec<Vec3> {
-        let mut canvas = Canvas::seen(model, self.camera, width, height);
+        let (wide, high) = (width * FINE, height * FINE);
+        let mut canvas = Canvas::seen(model, self.camera, wide, high);
         let is_body: Vec<bool> = canvas.depth.iter().map(|d| d.is_finite()).collect();
-        let near = near_body(&is_body, width, CRANNY * width as f32);
+        let near = near_body(&is_body, wide, CRANNY * wide as f32);
         self.lay_floor(&mut canvas);
-        let glass = glass.map(|glass| Canvas::seen(glass, self.camera, width, height));
+        // Of every pixel the middle sample: near by in memory what is near by in the picture.
+        let coarse: Vec<f32> =
+            (0..width * height).map(|at| canvas.depth[(at / width * FINE + FINE / 2) * wide + at % width * FINE + FINE / 2]).collect();
+        let glass = glass.map(|glass| Canvas::seen(glass, self.camera, wide, high));
+        let is_glass = |at: usize| glass.as_ref().is_some_and(|glass| glass.depth[at].is_finite());
+        let pixel = |x: usize, y: usize| {
+            let samples = || (0..FINE * FINE).map(|k| (y * FINE + k / FINE) * wide + x * FINE + k % FINE);
+            // On the bare floor the samples of a diagonal tell enough.
+            let every = if samples().any(|at| is_body[at] || is_glass(at)) { 1 } else { FINE + 1 };
+            let mut sum = Vec3::ZERO;
+            for at in samples().step_by(every) {
+                let close = near[0].contains(&(at % wide)) && near[1].contains(&(at / wide));
+                let behind = self.sample(&canvas, at, is_body[at], close.then_some(coarse.as_slice()));
+                let colour = match &glass {
+                    Some(glass) if is_glass(at) && (glass.depth[at] > canvas.depth[at] || !is_body[at]) => self.through(glass, at, behind),
+                    _ => behind,
+                };
+                sum += colour.clamp(Vec3::ZERO, Vec3::ONE);
+            }
+            sum / (FINE * FINE).div_ceil(every) as f32
+        };
         let mut picture = vec![Vec3::ZERO; width * height];
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
         let rows = height.div_ceil(threads).max(1);
-        // A sample's colour depends on nothing that is written here.
+        // A pixel's colour depends on nothing that is written here.
         std::thread::scope(|scope| {
             for (part, lines) in picture.chunks_mut(rows * width).enumerate() {
-                let (canvas, is_body, near, glass) = (&canvas, &is_body, &near, &glass);
+                let pixel = &pixel;
                 scope.spawn(move || {
-                    for (i, pixel) in lines.iter_mut().enumerate() {
-                        let at = part * rows * width + i;
-                        let close = near[0].contains(&(at % width)) && near[1].contains(&(at / width));
-                        let behind = self.sample(canvas, at, is_body[at], close);
-                        *pixel = match glass {
-                            Some(glass) if glass.depth[at] > canvas.depth[at] || (glass.depth[at].is_finite() && !is_body[at]) => {
-                                self.through(glass, at, behind)
-                            }
-                            _ => behind,
-                        };
+                    for (i, colour) in lines.iter_mut().enumerate() {
+                        *colour = pixel(i % width, part * rows + i / width);
                     }
                 });
             }
@@ -95,8 +110,8 @@ impl<'a> Light<'a> {
         }
     }
 
-    /// What is not `near` the body is in the open.
-    fn sample(&self, canvas: &Canvas, at: usize, is_body: bool, near: bool) -> Vec3 {
+    /// What has nothing `near` it, depths a pixel, is in the open.
+    fn sample(&self, canvas: &Canvas, at: usize, is_body: bool, near: Option<&[f32]>) -> Vec3 {
         let (x, y) = (at % canvas.width, at / canvas.width);
         let down = y as f32 / canvas.height as f32;
         let backdrop = BACKDROP[0].lerp(BACKDROP[1], down * down);
@@ -106,7 +121,7 @@ impl<'a> Light<'a> {
         let place = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, canvas.depth[at]);
         let normal = canvas.normal[at];
         let turn = turn(x, y);
-        let open = if near { self.openness(canvas, place, normal, turn) } else { 1.0 };
+        let open = near.map_or(1.0, |near| self.openness(near, canvas.width / FINE, place, normal, turn));
         let lit = self.lit(self.camera.world(place), normal, turn);
         if is_body { self.colour(canvas.colour[at], normal, open, lit) } else { backdrop * (0.35 + 0.65 * open) * (0.62 + 0.38 * lit) }
     }
@@ -133,19 +148,20 @@ impl<'a> Light<'a> {
     }
 
     /// How much of the sky a place sees, 0 to 1: what stands above its tangent plane near it takes from it, the nearer and steeper the more.
-    fn openness(&self, canvas: &Canvas, place: Vec3, normal: Vec3, turn: usize) -> f32 {
+    fn openness(&self, depth: &[f32], width: usize, place: Vec3, normal: Vec3, turn: usize) -> f32 {
         let normal = self.camera.turn(normal);
-        let radius = CRANNY * canvas.width as f32;
+        let radius = CRANNY * (width * FINE) as f32;
         let mut taken = 0.0;
         for tap in self.cranny_taps[turn] {
-            let to = place.truncate() + tap * radius;
+            let to = (place.truncate() + tap * radius) / FINE as f32;
             let (x, y) = (to.x as usize, to.y as usize);
-            if to.x < 0.0 || to.y < 0.0 || x >= canvas.width || y >= canvas.height {
+            if to.x < 0.0 || to.y < 0.0 || x >= width || (y + 1) * width > depth.len() {
                 continue;
             }
-            let way = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, canvas.depth[y * canvas.width + x]) - place;
+            let middle = |x: usize| (x as f32 + 0.5) * FINE as f32;
+            let way = Vec3::new(middle(x), middle(y), depth[y * width + x]) - place;
             let far = way.length();
-            if far > 0.5 && far < 2.0 * radius {
+            if far > FINE as f32 && far < 2.0 * radius {
                 taken += (normal.dot(way) / far - 0.12).max(0.0) * (1.0 - far / (2.0 * radius));
             }
         }
@@ -197,4 +213,46 @@ fn near_body(is_body: &[bool], width: usize, margin: f32) -> [std::ops::Range<us
     }
     let margin = margin as usize + 1;
     core::array::from_fn(|k| low[k].saturating_sub(margin)..high[k] + margin + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::draw::model::Ellipsoid;
+    use glam::Quat;
+
+    /// A ball of 1 m whose lowest point is `above` the floor, and the picture of it.
+    fn ball(above: f32) -> (Camera, Vec<Vec3>) {
+        let ball = Ellipsoid { centre: Vec3::ZERO, frame: Quat::IDENTITY, radii: Vec3::splat(0.5), colour: Vec3::X };
+        let model = Model { ellipsoids: vec![ball], ..Model::default() };
+        let camera =
+            Camera::framing([Vec3::splat(-2.0), Vec3::splat(2.0)].into_iter(), Vec3::new(0.0, 0.5, 1.0), 120 * FINE, 120 * FINE, 0.0);
+        let picture = Light::new(&model, &camera, -0.5 - above).shine(&model, None, 120, 120);
+        (camera, picture)
+    }
+
+    #[test]
+    fn a_ball_shades_the_floor_and_not_itself() {
+        let (camera, picture) = ball(0.0);
+        let at = |p: Vec3| {
+            let place = camera.place(p) / FINE as f32;
+            picture[place.y as usize * 120 + place.x as usize]
+        };
+        let to_lamp = Light::new(&Model::default(), &camera, 0.0).lamp;
+        let behind = Vec3::new(-to_lamp.x, 0.0, -to_lamp.z) / to_lamp.y * 0.5;
+        let (shade, open) = (at(behind - Vec3::Y * 0.5), at(-behind - Vec3::Y * 0.5 + behind * -1.5));
+        assert!(shade.x < 0.75 * open.x, "{shade} in the shade, {open} in the open");
+        // The lit side of a red ball is red, and much brighter than its other side.
+        let across = (to_lamp - camera.eye * to_lamp.dot(camera.eye)).normalize() * 0.42;
+        let (lit, dark) = (at(across), at(-across));
+        assert!(lit.x > 0.6 && lit.x > 4.0 * lit.y && lit.x > 2.0 * dark.x, "{lit} {dark}");
+        // High above the floor it shades what lies elsewhere.
+        let (_, high) = ball(40.0);
+        assert!(high.iter().zip(&picture).any(|(a, b)| a.x > 1.2 * b.x));
+    }
+
+    #[test]
+    fn pictures_are_the_same_twice() {
+        assert!(ball(0.1).1 == ball(0.1).1);
+    }
 }

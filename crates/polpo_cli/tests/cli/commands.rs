@@ -238,10 +238,11 @@ fn a_closed_pipe_is_no_trouble() {
 
 #[test]
 fn shells_complete_the_commands() {
-    for shell in ["bash", "zsh", "fish"] {
+    for (shell, mark) in [("bash", "complete -F _polpo"), ("zsh", "#compdef polpo"), ("fish", "complete -c polpo")] {
         let output = polpo(&["completions", shell]);
         assert_eq!(output.status.code(), Some(0));
         let script = text(&output.stdout);
+        assert!(script.contains(mark), "{shell}: {script}");
         assert!(
             ["rig", "inspect", "simulate", "completions", "write-recipe"].iter().all(|word| script.contains(word)),
             "{shell}: {script}"

@@ -5,7 +5,7 @@
 //! modules below are its stages, in order:
 //!
 //! ```text
-//! read → clean → voxels → thickness → sample → edges → ellipsoids → skin → files
+//! read → clean → grid → voxels → thickness → domain → sample → edges → ellipsoids → skin → files
 //! ```
 //!
 //! Lengths are in the mesh's own unit, which the rest of the house takes to be metres. The same mesh and settings give the same
@@ -14,6 +14,8 @@
 mod build;
 mod cells;
 mod clean;
+mod coverage;
+mod domain;
 mod edges;
 mod edit;
 mod ellipsoids;
@@ -21,6 +23,7 @@ mod error;
 mod files;
 mod flood;
 mod gltf_buffers;
+mod grid;
 mod mesh;
 mod read;
 mod read_gltf;
@@ -31,10 +34,12 @@ mod rig;
 mod sample;
 mod skin;
 mod thickness;
+mod tree;
 mod voxels;
 
 pub use build::{Built, Note, Stage, build_rig, build_rig_with};
 pub use cells::{Cells, Facet, Limb};
+pub use coverage::{Coverage, coverage};
 pub use edit::Edit;
 pub use error::{MeshError, RigError, RigFault};
 pub use mesh::{Mesh, MeshHash};

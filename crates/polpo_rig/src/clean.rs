@@ -1,10 +1,12 @@
 //! The mesh as the stages want it: welded, without degenerate or doubled triangles, in a unit box, in f64.
 
-use std::collections::BTreeMap;
-
 use glam::DVec3;
 
 use crate::{Mesh, MeshError};
+
+/// A part whose area vectors add up to more than this share of its area is a sheet. A closed one adds up to 0, a box without a lid to
+/// 0.2, half a ball to 0.5, a flat sheet to 1.
+const SHEET: f64 = 0.6;
 
 /// A welded mesh, moved and scaled so that its longest side is 1: the stages that follow see the same shape at every scale.
 pub(crate) struct Surface {
@@ -16,6 +18,8 @@ pub(crate) struct Surface {
     pub(crate) part: Vec<u32>,
     /// +1 or -1 a part: -1 where the triangles wind clockwise seen from outside.
     pub(crate) winding: Vec<f64>,
+    /// What each part is counted with where inside and outside are told apart; `None` for a sheet, which has no inside.
+    pub(crate) solid: Vec<Option<u32>>,
     /// The welded vertex of every vertex of the mesh.
     pub(crate) welded: Vec<u32>,
     /// A mesh position is `origin + scale · position`.
@@ -60,24 +64,25 @@ impl Surface {
             }
         }
 
-        let mut seen = BTreeMap::new();
-        let mut triangles = Vec::with_capacity(mesh.triangles.len());
-        for t in &mesh.triangles {
-            let t = t.map(|v| welded[v as usize]);
-            let mut corners = t;
-            corners.sort_unstable();
-            // A sliver whose area f64 rounds to nothing carries no direction either.
-            let has_area = area_vector(&positions, t).length_squared() > 1e-40;
-            if has_area && seen.insert(corners, ()).is_none() {
-                triangles.push(t);
-            }
-        }
+        let sorted = |mut t: [u32; 3]| {
+            t.sort_unstable();
+            t
+        };
+        // A sliver whose area f64 rounds to nothing carries no direction either.
+        let welded_triangles = mesh.triangles.iter().map(|t| t.map(|v| welded[v as usize]));
+        let with_area: Vec<[u32; 3]> = welded_triangles.filter(|&t| area_vector(&positions, t).length_squared() > 1e-40).collect();
+        let mut order: Vec<u32> = (0..with_area.len() as u32).collect();
+        order.sort_unstable_by_key(|&t| (sorted(with_area[t as usize]), t));
+        order.dedup_by_key(|t| sorted(with_area[*t as usize]));
+        order.sort_unstable();
+        let triangles: Vec<[u32; 3]> = order.into_iter().map(|t| with_area[t as usize]).collect();
         if triangles.is_empty() {
             return Err(MeshError::NoArea { name: mesh.name.clone(), triangles: mesh.triangles.len() });
         }
         let part = parts(positions.len(), &triangles);
         let winding = windings(&positions, &triangles, &part);
-        Ok(Surface { positions, triangles, part, winding, welded, origin: min, scale })
+        let solid = solids(&positions, &triangles, &part, winding.len());
+        Ok(Surface { positions, triangles, part, winding, solid, welded, origin: min, scale })
     }
 
     /// The corners of a triangle.
@@ -85,19 +90,20 @@ impl Surface {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
-    /// The volume inside, if there is just one part and it is closed: every side is walked once up and once down.
+    /// The volume inside all parts, each for itself, if they are closed: every side is walked once up and once down.
     pub(crate) fn volume(&self) -> Option<f64> {
         let mut sides: Vec<[u32; 2]> = Vec::with_capacity(self.triangles.len() * 3);
         let mut volume = 0.0;
         for (t, &[a, b, c]) in self.triangles.iter().enumerate() {
             sides.extend([[a, b], [b, c], [c, a]]);
+            let winding = self.winding[self.part[t] as usize];
             let [a, b, c] = self.corners(t);
-            volume += a.dot(b.cross(c)) / 6.0;
+            volume += winding * a.dot(b.cross(c)) / 6.0;
         }
         sides.sort_unstable();
         let once = sides.is_sorted_by(|a, b| a < b);
         let closed = once && sides.iter().all(|&[a, b]| sides.binary_search(&[b, a]).is_ok());
-        (closed && self.winding.len() == 1).then_some(volume.abs())
+        closed.then_some(volume)
     }
 
     /// The unit normal of every triangle, turned outwards.
@@ -152,6 +158,27 @@ fn windings(positions: &[DVec3], triangles: &[[u32; 3]], part: &[u32]) -> Vec<f6
         volume[p] += a.dot(b.cross(c));
     }
     volume.into_iter().map(|v| if v < 0.0 { -1.0 } else { 1.0 }).collect()
+}
+
+/// What each part is counted with: for itself, unless it faces mostly one way. Such sheets are counted together, since they may close
+/// a body between them, as the sides of a box that are not welded; if together they face one way still, as cloth and
+/// ground do, they have no inside.
+fn solids(positions: &[DVec3], triangles: &[[u32; 3]], part: &[u32], count: usize) -> Vec<Option<u32>> {
+    let mut facing = vec![DVec3::ZERO; count];
+    let mut area = vec![0.0; count];
+    for (t, &p) in triangles.iter().zip(part) {
+        let vector = area_vector(positions, *t);
+        facing[p as usize] += vector;
+        area[p as usize] += vector.length();
+    }
+    let sheets: Vec<usize> = (0..count).filter(|&p| facing[p].length() > SHEET * area[p]).collect();
+    let together: DVec3 = sheets.iter().map(|&p| facing[p]).sum();
+    let closes = together.length() <= SHEET * sheets.iter().map(|&p| area[p]).sum::<f64>();
+    let mut solid: Vec<Option<u32>> = (0..count as u32).map(Some).collect();
+    for &p in &sheets {
+        solid[p] = closes.then_some(sheets[0] as u32);
+    }
+    solid
 }
 
 /// Union-find over 0..n; roots are the smallest index of their set.

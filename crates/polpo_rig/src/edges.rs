@@ -5,31 +5,40 @@ use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use glam::DVec3;
 
+use crate::RigError;
 use crate::clean::DisjointSets;
+use crate::recipe::check;
 use crate::sample::Sample;
 use crate::voxels::Voxels;
 
-/// Connects the particles by about `wanted` edges.
+/// A way over cells that touch is at most this much longer than a straight one.
+const ZIGZAG: f64 = 1.3;
+/// More edges than this no game wants, and a machine may not hold.
+const MOST_EDGES: usize = 10_000_000;
+
+/// Which edges.
+#[derive(Clone, Copy)]
+pub(crate) enum Wanted {
+    /// So many.
+    Count(usize),
+    /// All pairs that are at most so far apart along the body, in the unit box.
+    Length(f64),
+}
+
+/// Connects the particles by edges.
 ///
-/// The distance of two particles is the shortest way over cells that touch, in units of the spacing there; the nearest pairs become
-/// edges. What hangs together in
+/// The distance of two particles is the shortest way over cells that touch. For a count it is in units of the spacing there, and the
+/// nearest pairs become edges; for a length it is the straight line where that lies in the body. What hangs together in
 /// the body hangs together by edges even if that takes more than wanted, and parts that are apart are tied by the shortest edge
 /// between them, so that the body doesn't fall to pieces.
-pub(crate) fn connect(voxels: &Voxels, sample: &Sample, wanted: usize) -> Vec<[u32; 2]> {
+///
+/// # Errors
+/// [`RigError::Setting`] if these were more than a machine holds.
+pub(crate) fn connect(voxels: &Voxels, sample: &Sample, wanted: Wanted) -> Result<Vec<[u32; 2]>, RigError> {
     let count = sample.positions.len();
     let distance = |a: u32, b: u32| sample.positions[a as usize].distance(sample.positions[b as usize]);
 
-    let mut touching = BTreeSet::new();
-    for voxel in 0..voxels.len() as u32 {
-        let a = sample.owner[voxel as usize];
-        for (next, _) in voxels.neighbours(voxel) {
-            let b = sample.owner[next as usize];
-            if a < b {
-                touching.insert([a, b]);
-            }
-        }
-    }
-    let mut shortest: Vec<(f64, [u32; 2])> = touching.iter().map(|&[a, b]| (distance(a, b), [a, b])).collect();
+    let mut shortest: Vec<(f64, [u32; 2])> = sample.touching.iter().map(|&[a, b]| (distance(a, b), [a, b])).collect();
     shortest.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
 
     let mut sets = DisjointSets::new(count);
@@ -41,30 +50,49 @@ pub(crate) fn connect(voxels: &Voxels, sample: &Sample, wanted: usize) -> Vec<[u
         near[a as usize].push((b, d));
         near[b as usize].push((a, d));
     }
-    // Twice the reach until the pairs within it are enough; no way is longer than all steps together.
-    let longest: f64 = shortest.iter().map(|x| x.0).sum();
-    let mut reach = shortest.last().map_or(0.0, |x| x.0);
-    let mut pairs: Vec<(f64, [u32; 2])>;
-    loop {
-        pairs = (0..count as u32).flat_map(|a| within(&near, a, reach)).collect();
-        if pairs.len() >= wanted || reach >= longest {
-            break;
+    let all = count * count.saturating_sub(1) / 2;
+    let within_reach = |reach: f64, setting: &'static str, value: f64| {
+        let mut pairs: Vec<(f64, [u32; 2])> = Vec::new();
+        for a in 0..count as u32 {
+            pairs.extend(within(&near, a, reach));
+            check(setting, value, pairs.len() <= MOST_EDGES, "small enough for at most 10000000 pairs of particles")?;
         }
-        reach *= 2.0;
-    }
-    // Near is meant in units of the spacing there, the mean distance to the cells that touch.
-    let spacing: Vec<f64> = near.iter().map(|near| near.iter().map(|n| n.1).sum::<f64>() / near.len().max(1) as f64).collect();
-    for (distance, [a, b]) in &mut pairs {
-        *distance /= spacing[*a as usize] + spacing[*b as usize];
-    }
-    pairs.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-    for (_, pair) in pairs {
-        if edges.len() >= wanted {
-            break;
+        Ok::<_, RigError>(pairs)
+    };
+    match wanted {
+        Wanted::Count(wanted) => {
+            check("edges", wanted as f64, wanted.min(all) <= MOST_EDGES, "at most 10000000")?;
+            // Twice the reach until the pairs within it are enough; no way is longer than all steps together.
+            let longest: f64 = shortest.iter().map(|x| x.0).sum();
+            let mut reach = shortest.last().map_or(0.0, |x| x.0);
+            let mut pairs = within_reach(reach, "edges", wanted as f64)?;
+            while pairs.len() < wanted && reach < longest {
+                reach *= 2.0;
+                pairs = within_reach(reach, "edges", wanted as f64)?;
+            }
+            // Near is meant in units of the spacing there, the mean distance to the cells that touch.
+            let spacing: Vec<f64> = near.iter().map(|near| near.iter().map(|n| n.1).sum::<f64>() / near.len().max(1) as f64).collect();
+            for (distance, [a, b]) in &mut pairs {
+                *distance /= spacing[*a as usize] + spacing[*b as usize];
+            }
+            pairs.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+            for (_, pair) in pairs {
+                if edges.len() >= wanted {
+                    break;
+                }
+                edges.insert(pair);
+            }
         }
-        edges.insert(pair);
+        Wanted::Length(length) => {
+            let straight = |[a, b]: [u32; 2]| {
+                let [from, to] = [a, b].map(|p| sample.positions[p as usize]);
+                from.distance(to) <= length && voxels.sees(from, to)
+            };
+            let pairs = within_reach(length * ZIGZAG, "edge_length", length)?;
+            edges.extend(pairs.into_iter().filter(|&(way, pair)| way <= length || straight(pair)).map(|x| x.1));
+        }
     }
-    edges.into_iter().collect()
+    Ok(edges.into_iter().collect())
 }
 
 /// The pairs (from, higher index) within a distance over touching cells, with their distance.

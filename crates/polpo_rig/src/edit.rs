@@ -9,11 +9,12 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::clean::{DisjointSets, Surface};
+use crate::domain::Domain;
 use crate::flood::Cells;
 use crate::recipe::check;
-use crate::sample::Sample;
+use crate::sample::{Sample, touching};
 use crate::voxels::Voxels;
-use crate::{Note, RigError, thickness};
+use crate::{Note, RigError};
 
 /// One change by hand, in the mesh's unit and axes. A place \[m\] means the particle whose centre is nearest, if it is at most twice as far away as that particle's cell reaches.
 ///
@@ -76,7 +77,7 @@ impl<'a> Edits<'a> {
     }
 
     /// Moves, adds and removes particles. `voxels` are those that the sample was spread over.
-    pub(crate) fn place(&mut self, voxels: &Voxels, sample: &mut Sample) {
+    pub(crate) fn place(&mut self, voxels: &Voxels, domain: &Domain, sample: &mut Sample) {
         if !self.edits.iter().any(|edit| matches!(edit, Edit::Move(_) | Edit::Add(_) | Edit::Remove(_))) {
             return;
         }
@@ -87,7 +88,7 @@ impl<'a> Edits<'a> {
             Edit::Remove(place) => seats.remove(this.point(place)),
             Edit::Connect(_) | Edit::Disconnect(_) => Ok(()),
         });
-        *sample = seats.sample();
+        *sample = seats.sample(domain);
     }
 
     /// Ties and cuts edges, which are and stay sorted.
@@ -217,12 +218,16 @@ impl Seats<'_> {
     }
 
     /// The particles with the voxels divided between them.
-    fn sample(self) -> Sample {
+    fn sample(self, domain: &Domain) -> Sample {
         let mut cells = Cells::new(self.voxels);
-        cells.flood(self.voxels, &thickness::weights(self.voxels), &self.voxel, 0);
+        cells.flood(self.voxels, &domain.weights, &self.voxel, 0);
+        let touching = touching(self.voxels, &cells.owner, domain.shell);
+        if domain.shell {
+            cells.fill(self.voxels);
+        }
         let mut volumes = vec![0; self.voxel.len()];
         cells.owner.iter().for_each(|&owner| volumes[owner as usize] += 1);
-        Sample { positions: self.positions, volumes, owner: cells.owner, voxel: self.voxel }
+        Sample { positions: self.positions, volumes, owner: cells.owner, voxel: self.voxel, touching }
     }
 }
 

@@ -8,15 +8,22 @@
 //! A cell with only a scrap of skin would become a needle. So no half axis is shorter than √3σ, with σ² the variance of the cell's
 //! volume along it: the half side of a box with that variance, which never sticks out of the cell. A cell without any skin takes
 //! axes and half axes from its volume alone: a solid ellipsoid with half axis a has variance a²/5 along it.
+//!
+//! Particles on the skin are flat along it: there the volume says nothing but how thick one may be at most, and the ellipsoid is
+//! moved in until it only touches the skin from below.
 
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::clean::Surface;
+use crate::grid::pieces;
 use crate::sample::Sample;
-use crate::voxels::{Voxels, pieces};
+use crate::voxels::Voxels;
 
 /// No half axis is shorter than this share of the longest.
 const FLATTEST: f64 = 0.05;
+
+/// As thick as this share of its longest half axis is an ellipsoid on the skin, if the body is.
+const FLAT: f64 = 0.25;
 
 /// Variances at least this near each other pass for equal; the quarter turn is then tried in so many steps.
 const EQUAL: f64 = 0.75;
@@ -47,31 +54,53 @@ impl Ellipsoid {
 /// A piece of skin: middle, area.
 type Piece = (DVec3, f64);
 
-/// Fits an ellipsoid to every particle.
-pub(crate) fn fit(surface: &Surface, voxels: &Voxels, sample: &Sample) -> Vec<Ellipsoid> {
+/// Fits an ellipsoid to every particle; flat ones for a `shell`, whose particles lie on the skin.
+pub(crate) fn fit(surface: &Surface, voxels: &Voxels, sample: &Sample, shell: bool) -> Vec<Ellipsoid> {
     let mut skin: Vec<Vec<Piece>> = vec![Vec::new(); sample.positions.len()];
+    let mut facing = vec![DVec3::ZERO; sample.positions.len()];
     for (t, &normal) in surface.normals().iter().enumerate() {
         pieces(surface.corners(t), 0.7 * voxels.size, |middle, area| {
             let voxel = voxels.under(middle, normal);
-            skin[sample.owner[voxel as usize] as usize].push((middle, area));
+            let cell = sample.owner[voxel as usize] as usize;
+            skin[cell].push((middle, area));
+            facing[cell] += normal * area;
         });
     }
     let volume = volume_covariances(voxels, sample);
-    let cells = sample.positions.iter().zip(&skin).zip(&volume);
+    let cells = sample.positions.iter().zip(&skin).zip(&volume).zip(&facing);
     cells
-        .map(|((&centre, skin), &volume)| {
+        .map(|(((&centre, skin), &volume), &facing)| {
             let (frame, radii) = if skin.is_empty() {
                 let (frame, variances) = eigen(volume);
                 (frame, (variances * 5.0).map(f64::sqrt))
             } else {
                 let (frame, variances) = eigen(covariance(skin));
                 let frame = settle(frame, variances, |axis| reach(skin, centre, axis));
+                if shell {
+                    return flat(centre, frame, skin, volume, facing);
+                }
                 let radius = |axis: DVec3| reach(skin, centre, axis).max((3.0 * axis.dot(volume * axis)).sqrt());
                 (frame, DVec3::new(radius(frame.x_axis), radius(frame.y_axis), radius(frame.z_axis)))
             };
             Ellipsoid { centre, frame, radii: radii.max(DVec3::splat(radii.max_element() * FLATTEST)) }
         })
         .collect()
+}
+
+/// The ellipsoid of a particle on the skin: as wide as its skin, and no thicker than the body is below it.
+fn flat(centre: DVec3, frame: DMat3, skin: &[Piece], volume: DMat3, facing: DVec3) -> Ellipsoid {
+    let reaches = DVec3::from_array([0, 1, 2].map(|i| reach(skin, centre, frame.col(i))));
+    let deepest = DVec3::from_array([0, 1, 2].map(|i| (3.0 * frame.col(i).dot(volume * frame.col(i))).sqrt()));
+    let longest = reaches.max_element();
+    let radii = reaches.max(deepest.min(DVec3::splat(longest * FLAT))).max(DVec3::splat(longest * FLATTEST));
+    let out = facing.normalize_or_zero();
+    let area: f64 = skin.iter().map(|p| p.1).sum();
+    // Where the cell goes around the body there is no below.
+    let one_sided = facing.length() > 0.5 * area;
+    let thick = (frame.transpose() * out * radii).length();
+    let above = skin.iter().fold(0.0_f64, |most, p| most.max((p.0 - centre).dot(out)));
+    let down = if one_sided { (thick - above).max(0.0) } else { 0.0 };
+    Ellipsoid { centre: centre - out * down, frame, radii }
 }
 
 /// Two axes with about the same variance could point anywhere in their plane, and rounding would decide. Then the pair that makes

@@ -7,7 +7,8 @@
 use glam::{DVec3, IVec3};
 
 use crate::clean::Surface;
-use crate::voxels::{NONE, STEPS, Voxels, linear, pieces};
+use crate::grid::{linear, pieces};
+use crate::voxels::{NONE, STEPS, Voxels};
 
 /// Two pieces of skin make an edge if the cosine between their normals is less.
 const EDGE: f64 = 0.7;
@@ -35,7 +36,7 @@ pub(crate) struct Fill<'a> {
 
 impl Fill<'_> {
     pub(crate) fn new<'a>(surface: &Surface, voxels: &'a Voxels) -> Fill<'a> {
-        let (slot, host) = (vec![NONE; voxels.grid.len()], voxels.grid.clone());
+        let (slot, host) = (vec![NONE; voxels.index.len()], voxels.index.clone());
         let mut fill = Fill { voxels, parts: Vec::new(), planes: Vec::new(), slot, near: Vec::new(), outer: Vec::new(), host };
         fill.gather(surface);
         fill.find_nearest();
@@ -110,7 +111,7 @@ impl Fill<'_> {
         let mut found = Vec::new();
         for &cell in &voxels.cells {
             // Across a face if there is one, across a corner if need be.
-            found.extend(around().map(|o| cell + o).filter(|&c| voxels.holds(c) && voxels.grid[linear(voxels.dims, c)] == NONE));
+            found.extend(around().map(|o| cell + o).filter(|&c| voxels.holds(c) && voxels.index[linear(voxels.dims, c)] == NONE));
         }
         found.sort_unstable_by_key(|&c| linear(voxels.dims, c));
         found.dedup();
@@ -166,7 +167,7 @@ impl Fill<'_> {
                     to[axis] += by;
                     let other = if voxels.holds(to) { self.host[linear(voxels.dims, to)] } else { NONE };
                     // Of two outer cells the first visits.
-                    let both_outer = other != NONE && voxels.grid[linear(voxels.dims, to)] == NONE;
+                    let both_outer = other != NONE && voxels.index[linear(voxels.dims, to)] == NONE;
                     if other == NONE || both_outer && by < 0 || !differ(host, other) {
                         continue;
                     }

@@ -5,7 +5,7 @@
 //! modules below are its stages, in order:
 //!
 //! ```text
-//! read → clean → voxels → thickness → sample → edges → ellipsoids → skin → files
+//! read → clean → grid → voxels → thickness → domain → sample → edges → ellipsoids → skin → files
 //! ```
 //!
 //! Lengths are in the mesh's own unit, which the rest of the house takes to be metres. The same mesh and settings give the same
@@ -15,6 +15,8 @@ mod budget;
 mod build;
 mod cells;
 mod clean;
+mod coverage;
+mod domain;
 mod edges;
 mod edit;
 mod ellipsoids;
@@ -27,6 +29,7 @@ mod flood;
 mod gltf_accessors;
 mod gltf_buffers;
 mod gltf_document;
+mod grid;
 mod limb;
 mod marks;
 mod mesh;
@@ -45,10 +48,12 @@ mod rig;
 mod sample;
 mod skin;
 mod thickness;
+mod tree;
 mod voxels;
 
 pub use build::{Built, Note, Stage, build_rig, build_rig_with};
 pub use cells::{Cells, Facet, Limb};
+pub use coverage::{Coverage, coverage};
 pub use edit::Edit;
 pub use embed::embed_rig;
 pub use error::{MeshError, RigError, RigFault};

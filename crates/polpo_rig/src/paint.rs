@@ -5,12 +5,13 @@
 
 use crate::clean::Surface;
 use crate::flood::Front;
-use crate::voxels::{Voxels, pieces};
+use crate::grid::pieces;
+use crate::voxels::Voxels;
 use crate::{Mesh, MeshPart, RegionRule};
 
 /// A piece of skin.
 pub(crate) struct Hit {
-    /// The surface's part that it belongs to.
+    /// The surface's part that it belongs to, or the one that it closes together with others.
     part: u32,
     /// The voxel under it.
     pub(crate) voxel: u32,
@@ -44,8 +45,9 @@ pub(crate) fn hits(mesh: &Mesh, surface: &Surface, voxels: &Voxels, rules: &[Reg
         let rules_here: Vec<usize> = named[at].1.iter().copied().filter(|&rule| rules[rule].holds_for_colors(colors)).collect();
         let welded = corners.map(|v| surface.welded[v as usize]);
         let [a, b, c] = welded.map(|v| surface.positions[v as usize]);
-        let part = part_of[welded[0] as usize];
-        let normal = (b - a).cross(c - a) * surface.winding[part as usize];
+        let own = part_of[welded[0] as usize];
+        let part = surface.solid[own as usize].unwrap_or(own);
+        let normal = (b - a).cross(c - a) * surface.winding[own as usize];
         // What the surface has dropped carries no direction either.
         if normal.length_squared() <= 4e-40 {
             continue;

@@ -69,7 +69,7 @@ fn move_to_middles(voxels: &Voxels, fill: &Fill<'_>, sample: &mut Sample) {
         *volume += share;
     }
     let centroids: Vec<DVec3> = sums.into_iter().map(|(sum, volume)| sum / volume).collect();
-    sample.voxel = central_voxels(voxels, &sample.owner, &centroids);
+    sample.voxel = central_voxels(voxels, &[], &sample.owner, &centroids);
     for (i, centroid) in centroids.into_iter().enumerate() {
         let within = voxels.at(centroid).is_some_and(|v| sample.owner[v as usize] == i as u32);
         sample.positions[i] = if within { centroid } else { voxels.centre(sample.voxel[i]) };

@@ -68,7 +68,8 @@ pub enum Amount {
     /// Few make a body that bends in few places; the time of a simulation grows with them. Above about 1000 the voxels a particle
     /// gets become fewer than the 600 it should have, and cells become ragged.
     Particles(usize),
-    /// As many as lie about so far apart \[m\], finite and positive.
+    /// As many as are on average so far from their nearest neighbour along the body \[m\], finite and positive. Met within a tenth where the
+    /// body is wider than it; one particle if it is wider than the body.
     Spacing(f32),
 }
 

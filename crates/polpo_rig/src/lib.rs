@@ -29,6 +29,7 @@ mod recipe;
 mod region;
 mod rig;
 mod sample;
+mod shell;
 mod skin;
 mod thickness;
 mod voxels;

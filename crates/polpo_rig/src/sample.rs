@@ -24,6 +24,7 @@ pub(crate) struct Sample {
     /// The particle that owns each voxel.
     pub(crate) owner: Vec<u32>,
     /// The voxel each particle lies in.
+    #[allow(dead_code, reason = "edits start from it")]
     pub(crate) voxel: Vec<u32>,
 }
 

@@ -151,7 +151,7 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
     progress(Stage::Ellipsoids);
     let ellipsoids = ellipsoids::fit(&surface, &voxels, &sample, domain.shell);
     progress(Stage::Skin);
-    let skin = skin::weigh(&surface, &voxels, &sample, &ellipsoids);
+    let skin = skin::weigh(&surface, &voxels, &sample, recipe.influences);
 
     // Voxels count the volume to a few percent; the mesh itself knows better, unless it crosses itself.
     let counted = voxels.len() as f64 * voxels.size * voxels.size * voxels.size;

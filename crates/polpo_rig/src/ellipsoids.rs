@@ -40,11 +40,6 @@ pub(crate) struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// Distance from the centre in units of the radius in that direction: 1 on the ellipsoid.
-    pub(crate) fn distance(&self, point: DVec3) -> f64 {
-        (self.frame.transpose() * (point - self.centre) / self.radii).length()
-    }
-
     /// The frame as a unit quaternion.
     pub(crate) fn rotation(&self) -> DQuat {
         DQuat::from_mat3(&self.frame).normalize()
@@ -134,7 +129,7 @@ fn settle(mut frame: DMat3, variances: DVec3, reach: impl Fn(DVec3) -> f64) -> D
 }
 
 /// Covariance of every cell's volume about its particle; positive, since a voxel has an extent of its own.
-fn volume_covariances(voxels: &Voxels, sample: &Sample) -> Vec<DMat3> {
+pub(crate) fn volume_covariances(voxels: &Voxels, sample: &Sample) -> Vec<DMat3> {
     let own = DMat3::from_diagonal(DVec3::splat(voxels.size * voxels.size / 12.0));
     let mut sums = vec![DMat3::ZERO; sample.positions.len()];
     for (voxel, &cell) in sample.owner.iter().enumerate() {

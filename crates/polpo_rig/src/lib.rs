@@ -46,6 +46,7 @@ mod recipe;
 mod region;
 mod rig;
 mod sample;
+mod shell;
 mod skin;
 mod thickness;
 mod tree;

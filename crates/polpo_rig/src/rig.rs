@@ -178,8 +178,8 @@ impl Influences {
                 this.weights[slot] = weight;
             }
         }
-        // What rounding to f32 took, the heaviest gives back.
-        this.weights[0] = 1.0 - this.weights[1..].iter().sum::<f32>();
+        // What rounding to f32 took, the heaviest gives back, as long as it stays that.
+        this.weights[0] = (1.0 - this.weights[1..].iter().sum::<f32>()).max(this.weights[1]);
         this
     }
 

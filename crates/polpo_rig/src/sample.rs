@@ -41,7 +41,6 @@ pub(crate) struct Sample {
     /// The particle that owns each voxel.
     pub(crate) owner: Vec<u32>,
     /// The voxel each particle lies in.
-    #[allow(dead_code, reason = "edits start from it")]
     pub(crate) voxel: Vec<u32>,
     /// The pairs of particles whose cells touch, the smaller index first, sorted.
     pub(crate) touching: Vec<[u32; 2]>,

@@ -18,9 +18,10 @@ use glam::{DMat3, DVec3};
 
 use crate::clean::Surface;
 use crate::ellipsoids::volume_covariances;
+use crate::grid::pieces;
 use crate::recipe::MOST_INFLUENCES;
 use crate::sample::Sample;
-use crate::voxels::{Voxels, pieces};
+use crate::voxels::Voxels;
 
 /// Variance that the blur adds to a cell's own. More is smoother, but with four influences there is more to cut.
 const BLUR: f64 = 1.5;

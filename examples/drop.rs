@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use polpo_scenes::{DropScene, Options, run};
 
-/// Rigs a mesh (.glb, .gltf, .obj) and drops it on a floor.
+/// Rigs a mesh (glb, gltf, obj, ply, stl) and drops it on a floor.
 #[derive(Parser)]
 struct Arguments {
     /// The mesh.

@@ -59,6 +59,14 @@ pub(crate) enum CliError {
         /// All names.
         names: String,
     },
+    /// A file could not be read.
+    #[error("{path}: cannot be read", path = path.display())]
+    Read {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
     /// A file could not be written.
     #[error("{path}: cannot be written", path = path.display())]
     Write {

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use glam::{DVec3, Vec3};
-use polpo_rig::{GroupKind, Mesh, Rig};
+use polpo_rig::{GroupKind, Mesh, Rig, coverage};
 use serde::Serialize;
 
 use crate::output::{Spread, digits};
@@ -59,6 +59,35 @@ pub(crate) struct RegionFigures {
     pub(crate) mass_kg: f64,
     /// `rigid` or `soft` if it is an explicit group.
     pub(crate) group: Option<&'static str>,
+}
+
+/// How well a rig's ellipsoids fill its mesh.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct CoverageFigures {
+    /// The share of the skin within 2 % of the body's size of an ellipsoid.
+    pub(crate) covered: f32,
+    /// Mean distance of the skin from the ellipsoids \[m\].
+    pub(crate) bare_m: f32,
+    /// Mean distance that the ellipsoids stick out of the body \[m\].
+    pub(crate) overhang_m: f32,
+}
+
+impl CoverageFigures {
+    pub(crate) fn of(mesh: &Mesh, rig: &Rig) -> CoverageFigures {
+        let coverage = coverage(mesh, rig);
+        CoverageFigures { covered: coverage.covered, bare_m: coverage.bare, overhang_m: coverage.overhang }
+    }
+
+    pub(crate) fn tell(&self, text: &mut String) {
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "  cover    {:.1} % of the skin within 2 % of the size; bare by {} m, overhang {} m on average",
+            100.0 * self.covered,
+            digits(self.bare_m),
+            digits(self.overhang_m)
+        );
+    }
 }
 
 impl MeshFigures {

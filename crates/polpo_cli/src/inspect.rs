@@ -11,13 +11,13 @@ use crate::draw::picture::{self, Panel, View};
 use crate::draw::pose::Pose;
 use crate::draw::{mesh as draw_mesh, rig as draw_rig};
 use crate::error::CliError;
-use crate::figures::{MeshFigures, RigFigures, bounds};
+use crate::figures::{CoverageFigures, MeshFigures, RigFigures, bounds};
 use crate::output::{Output, digits};
 use crate::source;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// A rig, or a mesh with its rig beside it; a mesh without one is looked at alone.
+    /// A rig, or a mesh with its rig beside or in it; a mesh without one is looked at alone.
     #[arg(value_name = "RIG|MESH")]
     file: PathBuf,
     /// The rig's mesh [default: the one beside it, fish.glb for fish.rig].
@@ -45,6 +45,8 @@ pub(crate) struct Picture {
 struct Report {
     mesh: Option<MeshFigures>,
     rig: Option<RigFigures>,
+    /// Null without a mesh or a rig.
+    coverage: Option<CoverageFigures>,
     /// Everything holds; false if the edges leave more than one piece.
     whole: bool,
 }
@@ -53,29 +55,34 @@ struct Report {
 pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     let path = &arguments.file;
     let (rig, mesh) = if source::is_rig(path) {
-        (Some(path.clone()), arguments.mesh.clone().or_else(|| source::mesh_beside(path)))
+        (Some(Rig::read(path)?), arguments.mesh.clone().or_else(|| source::mesh_beside(path)))
     } else {
-        (source::rig_beside(path), Some(path.clone()))
+        (source::rig_of(path)?.map(|(rig, _)| rig), Some(path.clone()))
     };
     let mesh = mesh.as_deref().map(read_mesh).transpose()?;
-    let rig = rig.as_deref().map(Rig::read).transpose()?;
     if let (Some(rig), Some(mesh)) = (&rig, &mesh) {
         rig.check_mesh(mesh)?;
     }
     let figures = rig.as_ref().map(RigFigures::of);
     let whole = figures.as_ref().is_none_or(|rig| rig.pieces == 1);
-    let report = Report { mesh: mesh.as_ref().map(MeshFigures::of), rig: figures, whole };
+    let report = Report {
+        mesh: mesh.as_ref().map(MeshFigures::of),
+        rig: figures,
+        coverage: rig.as_ref().zip(mesh.as_ref()).map(|(rig, mesh)| CoverageFigures::of(mesh, rig)),
+        whole,
+    };
     if let Some(png) = &arguments.picture.png {
         draw(png, path, rig.as_ref(), mesh.as_ref(), &report, arguments.picture.turn)?;
     }
     let mut text = String::new();
     report.mesh.iter().for_each(|mesh| mesh.tell(&mut text));
     report.rig.iter().for_each(|rig| rig.tell(&mut text));
+    report.coverage.iter().for_each(|coverage| coverage.tell(&mut text));
     // Writing to a string does not fail.
     let said = match (&rig, &mesh) {
         (Some(_), Some(_)) => "the rig keeps its rules and is one of this mesh",
         (Some(_), None) => "the rig keeps its rules; its mesh is not beside it",
-        _ => "the mesh can be rigged; there is no rig beside it",
+        _ => "the mesh can be rigged; there is no rig beside or in it",
     };
     let _ = writeln!(text, "checked    {said}{}", if whole { "" } else { ", BUT ITS EDGES LEAVE IT IN PIECES" });
     if let Some(png) = &arguments.picture.png {

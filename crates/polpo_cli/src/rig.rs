@@ -3,20 +3,20 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use polpo_rig::{RigError, read_mesh};
+use polpo_rig::{RigError, embed_rig, read_mesh};
 use serde::Serialize;
 
 use crate::error::CliError;
-use crate::figures::{MeshFigures, RigFigures};
+use crate::figures::{CoverageFigures, MeshFigures, RigFigures};
 use crate::output::Output;
 use crate::recipe::{self, RecipeOptions};
 use crate::{drop, progress, source};
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// The mesh: glb, gltf or obj.
+    /// The mesh: glb, gltf, obj, ply or stl.
     mesh: PathBuf,
-    /// Where the rig goes: `.rig` is small, `.ron` is text [default: MESH with the extension .rig].
+    /// Where the rig goes: `.rig` is small, `.ron` is text, `.glb` and `.gltf` are a glTF MESH with the rig in it [default: MESH with the extension .rig].
     #[arg(short, long, value_name = "RIG")]
     output: Option<PathBuf>,
     /// Write the recipe that was used beside the mesh, as MESH's own, or to FILE.
@@ -36,6 +36,7 @@ pub(crate) struct Arguments {
 struct Report {
     mesh: MeshFigures,
     rig: RigFigures,
+    coverage: CoverageFigures,
     /// The recipe's file; null for the default.
     recipe: Option<PathBuf>,
     /// What an artist should know.
@@ -53,7 +54,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     let path = &arguments.mesh;
     let target = arguments.output.clone().unwrap_or_else(|| path.with_extension("rig"));
     // Before the work, not after it.
-    if !source::is_rig(&target) {
+    let embedded = source::is_gltf(&target) && source::is_gltf(path);
+    if !source::is_rig(&target) && !embedded {
         let extension = target.extension().map(|e| e.to_string_lossy().into_owned()).unwrap_or_default();
         return Err(RigError::UnknownExtension { name: target.display().to_string(), extension }.into());
     }
@@ -64,6 +66,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     let mut report = Report {
         mesh: MeshFigures::of(&mesh),
         rig: RigFigures::of(&rig),
+        coverage: CoverageFigures::of(&mesh, &rig),
         recipe: file,
         notes: built.notes.iter().map(ToString::to_string).collect(),
         substeps_needed: drop::substeps_needed(&rig, &path.display().to_string())?,
@@ -72,7 +75,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     };
     let mut recipe_file = None;
     if !arguments.dry_run {
-        rig.write(&target)?;
+        if embedded {
+            let name = path.display().to_string();
+            let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.clone(), source })?;
+            let bytes = embed_rig(&name, &bytes, &rig)?;
+            std::fs::write(&target, bytes).map_err(|source| CliError::Write { path: target.clone(), source })?;
+        } else {
+            rig.write(&target)?;
+        }
         report.written = Some(target);
         if let Some(to) = &arguments.write_recipe {
             let to = to.clone().unwrap_or_else(|| recipe::own(path));
@@ -89,6 +99,7 @@ fn tell(report: &Report, recipe_file: Option<&Path>) -> String {
     let mut text = String::new();
     report.mesh.tell(&mut text);
     report.rig.tell(&mut text);
+    report.coverage.tell(&mut text);
     // Writing to a string does not fail.
     if let Some(substeps) = report.substeps_needed {
         let _ = writeln!(text, "substeps   {substeps} a step of 1/60 s to be as stiff as the material");

@@ -17,6 +17,23 @@ pub(crate) fn is_rig(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("rig") || e.eq_ignore_ascii_case("ron"))
 }
 
+/// Whether a file is a glTF, by its name.
+pub(crate) fn is_gltf(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
+}
+
+/// The rig of a mesh, and the file that it is in: the one beside it, or the one that a glTF carries.
+pub(crate) fn rig_of(mesh: &Path) -> Result<Option<(Rig, PathBuf)>, CliError> {
+    if let Some(path) = rig_beside(mesh) {
+        return Ok(Some((Rig::read(&path)?, path)));
+    }
+    if !is_gltf(mesh) {
+        return Ok(None);
+    }
+    let bytes = std::fs::read(mesh).map_err(|source| CliError::Read { path: mesh.to_owned(), source })?;
+    Ok(Rig::from_gltf(&mesh.display().to_string(), &bytes)?.map(|rig| (rig, mesh.to_owned())))
+}
+
 /// The mesh beside a rig: `fish.glb` beside `fish.rig` or `fish.rig.ron`.
 pub(crate) fn mesh_beside(rig: &Path) -> Option<PathBuf> {
     let stem = rig.with_extension("");
@@ -50,18 +67,23 @@ pub(crate) struct Source {
     pub(crate) notes: Vec<Note>,
 }
 
-/// Reads a rig and the mesh beside it, or a mesh and the rig beside it; a mesh that has no rig, or one that recipe options are given for, is rigged.
+/// Reads a rig and the mesh beside it, or a mesh and the rig beside or in it; a mesh that has no rig, or one that recipe options are given for, is rigged.
 ///
 /// # Errors
 /// If a file cannot be read, or mesh and rig do not go together.
 pub(crate) fn read(path: &Path, mesh: Option<&Path>, recipe: &RecipeOptions, quiet: bool) -> Result<Source, CliError> {
-    let (rig_path, mesh_path) = if is_rig(path) {
-        (Some(path.to_owned()), mesh.map(Path::to_owned).or_else(|| mesh_beside(path)))
+    let (rig, mesh_path) = if is_rig(path) {
+        (Some((Rig::read(path)?, path.to_owned())), mesh.map(Path::to_owned).or_else(|| mesh_beside(path)))
     } else {
-        (rig_beside(path).filter(|_| !recipe.given()), Some(path.to_owned()))
+        (if recipe.given() { None } else { rig_of(path)? }, Some(path.to_owned()))
     };
     let mesh = mesh_path.as_deref().map(read_mesh).transpose()?;
-    match (rig_path, mesh) {
+    match (rig, mesh) {
+        (Some((rig, rig_path)), mesh) => {
+            mesh.as_ref().map_or(Ok(()), |mesh| rig.check_mesh(mesh))?;
+            let with = mesh_path.map_or("without its mesh".into(), |mesh| format!("with {}", mesh.display()));
+            Ok(Source { rig, mesh, from: format!("{} {with}", rig_path.display()), notes: Vec::new() })
+        }
         (None, Some(mesh)) => {
             let (recipe, file) = recipe.recipe(path)?;
             let (built, stages) = progress::build(&mesh, &recipe, quiet)?;
@@ -70,13 +92,7 @@ pub(crate) fn read(path: &Path, mesh: Option<&Path>, recipe: &RecipeOptions, qui
             let from = format!("rigged by {by} in {:.2} s", took.as_secs_f64());
             Ok(Source { rig: built.rig, mesh: Some(mesh), from, notes: built.notes })
         }
-        (rig_path, mesh) => {
-            let rig_path = rig_path.unwrap_or_else(|| path.to_owned());
-            let rig = Rig::read(&rig_path)?;
-            mesh.as_ref().map_or(Ok(()), |mesh| rig.check_mesh(mesh))?;
-            let with = mesh_path.map_or("without its mesh".into(), |mesh| format!("with {}", mesh.display()));
-            Ok(Source { rig, mesh, from: format!("{} {with}", rig_path.display()), notes: Vec::new() })
-        }
+        (None, None) => Err(CliError::NoMesh { rig: path.display().to_string() }),
     }
 }
 

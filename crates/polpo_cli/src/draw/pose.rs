@@ -35,8 +35,11 @@ pub(crate) fn skinned(mesh: &Mesh, rig: &Rig, pose: &Pose) -> Result<Mesh, Bindi
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
     let rest: Vec<Vec3> = rig.particles.iter().map(|p| p.position).collect();
-    let binding =
-        Binding::new(RestMesh { positions: &positions, normals: &normals, tangents: &[] }, &rest, rig.skin.iter().map(|i| i.four()))?;
+    let binding = Binding::new(
+        RestMesh { positions: &positions, normals: &normals, tangents: &[] },
+        &rest,
+        rig.skin.iter().map(|i| (i.particles, i.weights)),
+    )?;
     let moved = pose.positions.iter().zip(&pose.rotations).zip(binding.rest_particles());
     let transforms: Vec<ParticleTransform> = moved.map(|((&p, &q), &rest)| ParticleTransform::new(p, q, pose.scale, rest)).collect();
     let (mut new_positions, mut new_normals) = (positions, normals);

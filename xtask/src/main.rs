@@ -6,6 +6,7 @@ mod ci;
 mod glb;
 mod instructions;
 mod octopus;
+mod sheet;
 
 use std::process::ExitCode;
 
@@ -28,6 +29,8 @@ enum Command {
     Ci,
     /// Count the kernels' instructions with callgrind, and write benches/instructions.json.
     Instructions(instructions::Arguments),
+    /// Rig meshes, drop them on a floor, and lay their pictures side by side into docs/rigs.jpg.
+    Sheet(sheet::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -36,6 +39,7 @@ fn main() -> ExitCode {
         Command::Beam => beam::run().map_err(|e| e.to_string()),
         Command::Ci => ci::run().map_err(|e| e.to_string()),
         Command::Instructions(arguments) => instructions::run(&arguments).map_err(|e| e.to_string()),
+        Command::Sheet(arguments) => sheet::run(&arguments).map_err(|e| e.to_string()),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -134,7 +134,7 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
 
     // Voxels count the volume to a few percent; the mesh itself knows better, unless it crosses itself.
     let counted = voxels.len() as f64 * voxels.size * voxels.size * voxels.size;
-    let volume = surface.volume().filter(|&v| voxels.may_be(v, surface.winding.len())).unwrap_or(counted);
+    let volume = surface.volume().filter(|&v| voxels.may_be(v, &surface)).unwrap_or(counted);
     let voxel_mass = f64::from(recipe.density) * scale * scale * scale * volume / voxels.len() as f64;
     let particles = ellipsoids.iter().zip(&sample.volumes).map(|(e, &volume)| Particle {
         position: (surface.origin + e.centre * surface.scale).as_vec3(),

@@ -155,7 +155,7 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
 
     // Voxels count the volume to a few percent; the mesh itself knows better, unless it crosses itself.
     let counted = voxels.len() as f64 * voxels.size * voxels.size * voxels.size;
-    let volume = surface.volume().filter(|&v| voxels.may_be(v, surface.winding.len())).unwrap_or(counted);
+    let volume = surface.volume().filter(|&v| voxels.may_be(v, &surface)).unwrap_or(counted);
     let cells = fill.map(|(material, fill)| Cells::new(material, &surface, &voxels, &fill, &sample, &edges, volume));
     let voxel = scale * scale * scale * volume / voxels.len() as f64;
     let volume = |i: usize| cells.as_ref().map_or(voxel * f64::from(sample.volumes[i]), |c| c.volumes[i].into());

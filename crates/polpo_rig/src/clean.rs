@@ -90,20 +90,22 @@ impl Surface {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
-    /// The volume inside all parts, each for itself, if they are closed: every side is walked once up and once down.
+    /// The volume inside all parts but the sheets, each for itself, if they are closed: every side is walked up as often as down.
     pub(crate) fn volume(&self) -> Option<f64> {
-        let mut sides: Vec<[u32; 2]> = Vec::with_capacity(self.triangles.len() * 3);
+        let mut sides: Vec<([u32; 2], i32)> = Vec::with_capacity(self.triangles.len() * 3);
         let mut volume = 0.0;
         for (t, &[a, b, c]) in self.triangles.iter().enumerate() {
-            sides.extend([[a, b], [b, c], [c, a]]);
-            let winding = self.winding[self.part[t] as usize];
+            let part = self.part[t] as usize;
+            if self.solid[part].is_none() {
+                continue;
+            }
+            sides.extend([[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], if a < b { 1 } else { -1 })));
             let [a, b, c] = self.corners(t);
-            volume += winding * a.dot(b.cross(c)) / 6.0;
+            volume += self.winding[part] * a.dot(b.cross(c)) / 6.0;
         }
         sides.sort_unstable();
-        let once = sides.is_sorted_by(|a, b| a < b);
-        let closed = once && sides.iter().all(|&[a, b]| sides.binary_search(&[b, a]).is_ok());
-        closed.then_some(volume)
+        let closed = sides.chunk_by(|a, b| a.0 == b.0).all(|side| side.iter().map(|s| s.1).sum::<i32>() == 0);
+        (closed && volume > 0.0).then_some(volume)
     }
 
     /// The unit normal of every triangle, turned outwards.

@@ -51,14 +51,14 @@ impl Sample {
     pub(crate) fn new(voxels: &Voxels, domain: &Domain, wanted: Wanted) -> Sample {
         let apart = match wanted {
             Wanted::Count(count) => {
-                let (sites, seeds, _) = spread_where_it_fits(voxels, domain, |seeds, _| seeds >= count);
+                let (sites, seeds) = spread_where_it_fits(voxels, domain, |seeds, _| seeds >= count);
                 return Sample::around(voxels, domain, sites, seeds);
             }
             Wanted::Spacing(apart) => apart,
         };
         // The widest gap is about as far as the nearest neighbour; from there on the count is tried, between one too few and one too many.
         let gap = domain.steps(voxels, apart);
-        let (_, seeds, _) = spread_where_it_fits(voxels, domain, |seeds, distance| f64::from(distance) < gap || seeds >= MOST_PARTICLES);
+        let (_, seeds) = spread_where_it_fits(voxels, domain, |seeds, distance| f64::from(distance) < gap || seeds >= MOST_PARTICLES);
         let (mut few, mut many) = (0, MOST_PARTICLES + 1);
         let mut count = seeds.len();
         let mut best: Option<(f64, Sample)> = None;
@@ -124,12 +124,12 @@ impl Sample {
     }
 }
 
-/// Spreads particles over the narrowest sites on which they do not crowd: the sites, the particles, and the last one's distance from those before.
-fn spread_where_it_fits<'a>(voxels: &Voxels, domain: &'a Domain, enough: impl Fn(usize, u32) -> bool) -> (&'a [bool], Vec<u32>, u32) {
-    let mut last = (&[][..], Vec::new(), 0);
+/// Spreads particles over the narrowest sites on which they do not crowd: the sites and the particles.
+fn spread_where_it_fits<'a>(voxels: &Voxels, domain: &'a Domain, enough: impl Fn(usize, u32) -> bool) -> (&'a [bool], Vec<u32>) {
+    let mut last = (&[][..], Vec::new());
     for (sites, crowded) in &domain.sites {
         let (seeds, gap) = spread(voxels, domain, sites, &enough);
-        last = (sites, seeds, gap);
+        last = (sites, seeds);
         if gap >= *crowded {
             break;
         }
@@ -137,7 +137,8 @@ fn spread_where_it_fits<'a>(voxels: &Voxels, domain: &'a Domain, enough: impl Fn
     last
 }
 
-/// Where the particles start: one in every part, then always the voxel that is farthest from all of them, while it takes more.
+/// Where the particles start: one in every part, then always the voxel that is farthest from all of them, until it is `enough`. And the
+/// last one's distance from those before.
 fn spread(voxels: &Voxels, domain: &Domain, sites: &[bool], enough: impl Fn(usize, u32) -> bool) -> (Vec<u32>, u32) {
     let allowed = |v: u32| sites.is_empty() || sites[v as usize];
     let parts = voxels.roots(|a, b| !domain.shell || allowed(a) && allowed(b));

@@ -70,13 +70,15 @@ impl Voxels {
         if grid.mend(surface, &voxels) { Voxels::link(&grid) } else { voxels }
     }
 
-    /// Whether the body may have such a volume inside its parts, as far as its voxels say: those of the surface stand for less than a
-    /// voxel each, a part may cross itself a little, and parts that overlap have less together than each for itself.
-    pub(crate) fn may_be(&self, volume: f64, parts: usize) -> bool {
+    /// Whether the body may have such a volume inside its solid parts, as far as its voxels say: those of the surface stand for less
+    /// than a voxel each, a part may cross itself a little, and parts that overlap have less together than each for itself. Sheets
+    /// that stand out have a volume that only the voxels know.
+    pub(crate) fn may_be(&self, volume: f64, surface: &Surface) -> bool {
         let voxel = self.size * self.size * self.size;
         let (all, solid) = (self.len() as f64, (self.len() - self.thin) as f64);
-        let most = if parts == 1 { 1.25 } else { 1.02 };
-        (0.8 * solid..most * all).contains(&(volume / voxel))
+        let most = if surface.solid.iter().flatten().count() == 1 { 1.25 } else { 1.05 };
+        let sheets = surface.solid.contains(&None) && self.thin > 0;
+        !sheets && (0.8 * solid..most * all).contains(&(volume / voxel))
     }
 
     pub(crate) fn len(&self) -> usize {

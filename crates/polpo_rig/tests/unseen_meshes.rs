@@ -50,7 +50,8 @@ fn holds(case: &Case, placement: Placement) {
     if let Some(volume) = volume {
         let mass: f64 = rig.particles.iter().map(|p| f64::from(p.mass)).sum();
         let ratio = mass / (1000.0 * f64::from(*volume));
-        assert!((ratio - 1.0).abs() < 0.04, "{what}: {ratio} times its mass");
+        // An open body is counted in voxels, to half of one at every side.
+        assert!((ratio - 1.0).abs() < 0.07, "{what}: {ratio} times its mass");
     }
     let found = coverage(mesh, &rig);
     // In a cube 40 cells are chunks that no ellipsoid fills.

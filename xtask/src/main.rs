@@ -29,7 +29,7 @@ enum Command {
     Ci,
     /// Count the kernels' instructions with callgrind, and write benches/instructions.json.
     Instructions(instructions::Arguments),
-    /// Rig meshes, drop them on a floor, and lay their pictures side by side into docs/rigs.jpg.
+    /// Rig meshes, drop them on a floor, and lay their pictures side by side into docs/rigs.png.
     Sheet(sheet::Arguments),
 }
 

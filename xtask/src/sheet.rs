@@ -21,7 +21,7 @@ pub(crate) struct Arguments {
     #[arg(required = true)]
     meshes: Vec<PathBuf>,
     /// The picture.
-    #[arg(short, long, default_value = "docs/rigs.jpg")]
+    #[arg(short, long, default_value = "docs/rigs.png")]
     output: PathBuf,
 }
 

@@ -5,7 +5,7 @@
 //! modules below are its stages, in order:
 //!
 //! ```text
-//! read → clean → grid → voxels → thickness → domain → sample → edges → ellipsoids → skin → files
+//! read → clean → grid → voxels → thickness → domain → sample → edges → ellipsoids → shell → skin → files
 //! ```
 //!
 //! Lengths are in the mesh's own unit, which the rest of the house takes to be metres. The same mesh and settings give the same

@@ -199,6 +199,7 @@ fn a_long_step_after_a_short_one_mistakes_no_side() {
             acceleration: Vec3::ZERO,
             dt,
             friction: 0.5,
+            frictions: &[],
             memberships: u32::MAX,
             filter: u32::MAX,
         };

@@ -164,6 +164,7 @@ impl Detection {
             acceleration: GRAVITY.into(),
             dt: STEP,
             friction: collision.friction,
+            frictions: &[],
             memberships: collision.memberships,
             filter: collision.filter,
         };

@@ -20,6 +20,9 @@ use crate::{
 ///
 /// Inserting it again, with another rig say, builds the body anew, awake. Spawned with [`Sleeping`] or [`Frozen`], a body stays where it is put until it is woken or that is taken off.
 ///
+/// A rig with regions gives the body [`ExplicitGroups`](crate::ExplicitGroups), [`ParticleStiffness`](crate::ParticleStiffness) and [`ParticleFriction`](crate::ParticleFriction) for them, each unless you put your own
+/// beside it; outside the regions [`ShapeMatching`] and [`Collision`] go on to count.
+///
 /// A rig that cannot be simulated, or a transform that is not finite or not uniformly scaled, is refused with the event [`SoftBodyRejected`] and an error in the log; the entity then just does not
 /// move.
 #[derive(Component, Debug, Clone)]

@@ -28,6 +28,12 @@ impl Default for Collision {
     }
 }
 
+/// A friction for each particle, instead of [`Collision`]'s one for all, against colliders; between bodies and of a body with itself there is one for all.
+///
+/// One coefficient a particle, in the rig's order, in the range of [`Collision::friction`]; a particle beyond the end has that.
+#[derive(Component, Debug, Clone, Default, PartialEq)]
+pub struct ParticleFriction(pub Vec<f32>);
+
 /// The planes that the body's particles must stay above in this step. Refilled each step in phase `DetectContacts`.
 #[derive(Component, Debug, Clone, Default, Deref, DerefMut)]
 pub struct Contacts(pub polpo_solver::Contacts);

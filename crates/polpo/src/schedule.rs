@@ -19,7 +19,8 @@ use polpo_solver::Sweep;
 
 use crate::{
     blocks, bodies, body_contact, collision, damping, distance, explicit_groups, freeze, grab, integrate, keep_momentum, parameters,
-    particles, pins, plasticity, predict, recall, rest_pose, rider, rods, self_contact, shape_matching, sleep, torsion, wind, writeback,
+    particles, pins, plasticity, predict, recall, regions, rest_pose, rider, rods, self_contact, shape_matching, sleep, torsion, wind,
+    writeback,
 };
 
 /// Soft bodies: adds the step to a schedule.
@@ -142,6 +143,7 @@ impl Plugin for PolpoPlugin {
             .init_resource::<crate::Gravity>()
             .init_resource::<crate::Wind>()
             .add_observer(bodies::build_body)
+            .add_observer(regions::take_regions)
             .add_observer(collision::forget_planes)
             .add_observer(pins::release_pins)
             .configure_sets(
@@ -155,6 +157,7 @@ impl Plugin for PolpoPlugin {
                         parameters::refuse_parameters,
                         sleep::wake,
                         freeze::freeze_unfit_bodies,
+                        regions::follow_body,
                         rods::build_rods,
                         explicit_groups::build_explicit,
                         shape_matching::build_groups,

@@ -10,8 +10,8 @@ use crate::particles::{Awake, for_each_body};
 use crate::pins::target_of;
 use crate::{
     AirDrag, BodyContact, BodyPairs, Collision, Damping, DistanceConstraints, EdgeStiffness, ExplicitGroups, Frozen, Grab, Gravity,
-    GravityScale, Inflation, KeepMomentum, ParticleStiffness, Particles, Pins, Plasticity, RestPose, Rods, SelfContact, ShapeMatching,
-    SolverSettings, StepStart, Torsion, Wind,
+    GravityScale, Inflation, KeepMomentum, ParticleFriction, ParticleStiffness, Particles, Pins, Plasticity, RestPose, Rods, SelfContact,
+    ShapeMatching, SolverSettings, StepStart, Torsion, Wind,
 };
 
 /// Lets the body fall asleep when it has come to rest. Comes with every [`SoftBody`](crate::SoftBody); a body without it never sleeps.
@@ -136,6 +136,7 @@ watched! {
     damping: Damping,
     keep_momentum: KeepMomentum,
     collision: Collision,
+    particle_friction: ParticleFriction,
     grab: Grab,
     pins: Pins,
     gravity_scale: GravityScale,

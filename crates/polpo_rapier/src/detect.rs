@@ -26,6 +26,8 @@ pub struct DetectionInput<'a> {
     pub dt: f32,
     /// Coulomb's coefficient of the body's skin, 0 … ∞; combined with the collider's by the collider's rule.
     pub friction: f32,
+    /// The same by particle, where it is not the body's; a particle beyond the end has that.
+    pub frictions: &'a [f32],
     /// The layers that the body is in, one bit each.
     pub memberships: u32,
     /// The layers whose colliders it meets.
@@ -133,13 +135,14 @@ impl ContactDetector {
                 Some(plane) if plane.when == When::Crossed => now + plane.normal * (0.5 * p.radii[i].min_element() - plane.distance),
                 _ => now,
             };
+            let friction = body.frictions.get(i).copied().unwrap_or(body.friction);
             for found in &self.candidates {
                 let Near { index, frames: [frame, ..] } = self.near[found.obstacle as usize];
                 let obstacle = &obstacles.list[index as usize];
                 self.sources.push(index);
                 contacts.list.push(Contact {
                     particle: i as u32,
-                    friction: obstacle.friction_with(body.friction),
+                    friction: obstacle.friction_with(friction),
                     point: found.point.into(),
                     normal: found.normal.into(),
                     velocity: obstacle.plane_velocity(found.point, found.normal, &frame, body.dt).into(),

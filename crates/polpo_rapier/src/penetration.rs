@@ -17,7 +17,15 @@ use crate::{ContactDetector, DetectionInput, Obstacles};
 pub fn penetration(particles: &Particles, origin: Vector, bodies: &RigidBodySet, colliders: &ColliderSet) -> f32 {
     let mut obstacles = Obstacles::default();
     obstacles.gather(bodies, colliders, 0.0);
-    let body =
-        DetectionInput { particles, origin, acceleration: Vector::ZERO, dt: 0.0, friction: 0.0, memberships: u32::MAX, filter: u32::MAX };
+    let body = DetectionInput {
+        particles,
+        origin,
+        acceleration: Vector::ZERO,
+        dt: 0.0,
+        friction: 0.0,
+        frictions: &[],
+        memberships: u32::MAX,
+        filter: u32::MAX,
+    };
     ContactDetector::default().deepest(&body, &obstacles, colliders)
 }

@@ -4,7 +4,7 @@ use bevy::ecs::batching::BatchingStrategy;
 use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
-use polpo::{Awake, Collision, ContactMemory, Contacts, Gravity, GravityScale, Particles, PolpoSystems, SubstepSchedule};
+use polpo::{Awake, Collision, ContactMemory, Contacts, Gravity, GravityScale, ParticleFriction, Particles, PolpoSystems, SubstepSchedule};
 
 use crate::last_look::{self, LastLook};
 use crate::push::Pushing;
@@ -99,7 +99,18 @@ fn detect_contacts(
     gravity: Res<Gravity>,
     world: Res<RapierWorld>,
     surroundings: Res<Surroundings>,
-    mut bodies: Query<(&Particles, &Transform, &Collision, Option<&GravityScale>, &mut Contacts, &mut ContactMemory, &mut Detector), Awake>,
+    mut bodies: Query<
+        (
+            &Particles,
+            &Transform,
+            (&Collision, Option<&ParticleFriction>),
+            Option<&GravityScale>,
+            &mut Contacts,
+            &mut ContactMemory,
+            &mut Detector,
+        ),
+        Awake,
+    >,
 ) {
     /// What a particle costs near a collider, and what a parallel query must save before it gains anything \[ns\].
     const PARTICLE: usize = 200;
@@ -109,10 +120,10 @@ fn detect_contacts(
     }
     let dt = time.delta_secs();
     let (obstacles, colliders, gravity) = (&surroundings.0, &world.colliders, gravity.0);
-    let detect = |(particles, transform, collision, scale, mut contacts, mut memory, mut detector): (
+    let detect = |(particles, transform, (collision, frictions), scale, mut contacts, mut memory, mut detector): (
         &Particles,
         &Transform,
-        &Collision,
+        (&Collision, Option<&ParticleFriction>),
         Option<&GravityScale>,
         Mut<Contacts>,
         Mut<ContactMemory>,
@@ -124,6 +135,7 @@ fn detect_contacts(
             acceleration: gravity * scale.map_or(1.0, |s| s.0),
             dt,
             friction: collision.friction,
+            frictions: frictions.map_or(&[], |each| &each.0),
             memberships: collision.memberships,
             filter: collision.filter,
         };

@@ -87,7 +87,7 @@ impl Shape {
                 }
             }
         }
-        Rig { mesh_hash: MeshHash(0), particles, edges, skin: Vec::new() }
+        Rig { mesh_hash: MeshHash(0), particles, edges, ..Rig::default() }
     }
 }
 

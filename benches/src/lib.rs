@@ -10,7 +10,7 @@ pub mod scalar;
 use std::sync::Arc;
 
 use bevy::math::{Quat, Vec3};
-use polpo_rig::{Mesh, MeshHash, Particle, Rig};
+use polpo_rig::{Mesh, Particle, Rig};
 
 /// The octopus that comes with the project: its mesh and its rig.
 ///

@@ -48,7 +48,7 @@ fn bar(across: u32, size: f32) -> (Rig, Cells) {
     let particle = |&position: &Vec3| Particle { position, frame: Quat::IDENTITY, radii: Vec3::splat(0.3 * size), mass: 0.5 };
     let mut edges: Vec<[u32; 2]> = cells.facets.iter().map(|f| f.pair).collect();
     edges.sort_unstable();
-    (Rig { mesh_hash: MeshHash(0), particles: places.iter().map(particle).collect(), edges, skin: vec![] }, cells)
+    (Rig { mesh_hash: MeshHash(0), particles: places.iter().map(particle).collect(), edges, ..Rig::default() }, cells)
 }
 
 fn rubber(poissons_ratio: f32) -> Material {

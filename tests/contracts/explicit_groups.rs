@@ -12,7 +12,7 @@ use rapier3d::prelude::ColliderBuilder;
 
 fn rig(at: &[Vec3], radius: impl Fn(usize) -> f32, edges: Vec<[u32; 2]>) -> Rig {
     let particle = |(i, &position): (usize, &Vec3)| Particle { position, frame: Quat::IDENTITY, radii: Vec3::splat(radius(i)), mass: 1.0 };
-    Rig { mesh_hash: MeshHash(0), particles: at.iter().enumerate().map(particle).collect(), edges, skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles: at.iter().enumerate().map(particle).collect(), edges, ..Rig::default() }
 }
 
 fn all(count: u32) -> ExplicitGroups {

@@ -14,7 +14,7 @@ const G: f64 = 9.81;
 fn rig(at: &[Vec3], mass: impl Fn(usize) -> f32, radius: f32) -> Rig {
     let particle = |(i, &position)| Particle { position, frame: Quat::IDENTITY, radii: Vec3::splat(radius), mass: mass(i) };
     let particles = at.iter().enumerate().map(particle).collect();
-    Rig { mesh_hash: MeshHash(0), particles, edges: vec![], skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles, edges: vec![], ..Rig::default() }
 }
 
 fn rigid(groups: &[&[u32]]) -> ExplicitGroups {

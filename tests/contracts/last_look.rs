@@ -36,7 +36,7 @@ fn row(count: usize, radius: f32) -> Rig {
     let particle =
         |i| Particle { position: Vec3::X * (2.0 * radius * i as f32), frame: Quat::IDENTITY, radii: Vec3::splat(radius), mass: 1.0 };
     let edges = (1..count as u32).map(|i| [i - 1, i]).collect();
-    Rig { mesh_hash: MeshHash(0), particles: (0..count).map(particle).collect(), edges, skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles: (0..count).map(particle).collect(), edges, ..Rig::default() }
 }
 
 /// Plates of 10 cm, and a mesh that has no thickness.

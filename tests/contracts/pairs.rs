@@ -57,7 +57,7 @@ fn center(app: &App, body: Entity) -> Vec3 {
 fn chain(n: u32, radius: f32) -> Rig {
     let particle =
         |i| Particle { position: Vec3::X * (i as f32 * 2.0 * radius), frame: Quat::IDENTITY, radii: Vec3::splat(radius), mass: 0.05 };
-    Rig { mesh_hash: MeshHash(0), particles: (0..n).map(particle).collect(), edges: (1..n).map(|i| [i - 1, i]).collect(), skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles: (0..n).map(particle).collect(), edges: (1..n).map(|i| [i - 1, i]).collect(), ..Rig::default() }
 }
 
 #[test]
@@ -295,7 +295,7 @@ fn self_contact_does_not_move_the_body() {
 #[test]
 fn a_slab_stops_on_another_where_coulomb_says() {
     let slab = |size: [i32; 2], lift: f32| {
-        let mut rig = Rig { mesh_hash: MeshHash(0), particles: vec![], edges: vec![], skin: vec![] };
+        let mut rig = Rig { mesh_hash: MeshHash(0), particles: vec![], edges: vec![], ..Rig::default() };
         for z in 0..size[1] {
             for x in 0..size[0] {
                 // Flat and wide, so that their tops are all but a plane.
@@ -389,7 +389,8 @@ fn nonsense_does_not_panic() {
 #[test]
 fn a_push_speed_that_is_none_pushes_no_pair() {
     let ball = |x: f32| Particle { position: Vec3::X * x, frame: Quat::IDENTITY, radii: Vec3::splat(0.1), mass: 1.0 };
-    let rig = |at: &[f32]| Rig { mesh_hash: MeshHash(0), particles: at.iter().map(|&x| ball(x)).collect(), edges: vec![], skin: vec![] };
+    let rig =
+        |at: &[f32]| Rig { mesh_hash: MeshHash(0), particles: at.iter().map(|&x| ball(x)).collect(), edges: vec![], ..Rig::default() };
     for within in [true, false] {
         let run = |push_speed: f32| {
             let mut app = simulation();

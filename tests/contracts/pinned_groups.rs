@@ -24,7 +24,8 @@ struct Steps(usize);
 /// A plate turned by `turn` in one rigid group, and its place.
 fn plate(app: &mut App, turn: Quat) -> Entity {
     let particle = |i| Particle { position: Vec3::from(PLATE[i]), frame: Quat::IDENTITY, radii: Vec3::splat(0.05), mass: MASS[i] };
-    let rig = Rig { mesh_hash: MeshHash(0), particles: (0..4).map(particle).collect(), edges: vec![[0, 1], [0, 2], [1, 3]], skin: vec![] };
+    let rig =
+        Rig { mesh_hash: MeshHash(0), particles: (0..4).map(particle).collect(), edges: vec![[0, 1], [0, 2], [1, 3]], ..Rig::default() };
     let groups = ExplicitGroups { list: vec![ExplicitGroup::rigid([0, 1, 2, 3])] };
     app.world_mut().spawn((SoftBody::new(rig), Transform::from_rotation(turn), groups)).id()
 }

@@ -17,7 +17,12 @@ fn fish() -> Rig {
         radii: Vec3::new(0.06, 0.03, 0.12),
         mass: 1.0,
     };
-    Rig { mesh_hash: MeshHash(0), particles: (0..12).map(particle).collect(), edges: (1..12).map(|i| [i - 1, i]).collect(), skin: vec![] }
+    Rig {
+        mesh_hash: MeshHash(0),
+        particles: (0..12).map(particle).collect(),
+        edges: (1..12).map(|i| [i - 1, i]).collect(),
+        ..Rig::default()
+    }
 }
 
 /// A wave of curvature that grows towards the tail, at time `t` \[s\].

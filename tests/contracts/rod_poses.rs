@@ -13,7 +13,7 @@ const BOTH: [RodSolve; 2] = [RodSolve::Direct, RodSolve::Sweep { spin_radius: 0.
 fn rope(app: &mut App, solve: RodSolve) -> Entity {
     let particle = |i| Particle { position: Vec3::X * (0.1 * i as f32), frame: Quat::IDENTITY, radii: Vec3::splat(0.02), mass: 1.0 };
     let edges = (1..COUNT as u32).map(|i| [i - 1, i]).collect();
-    let rig = Rig { mesh_hash: MeshHash(0), particles: (0..COUNT).map(particle).collect(), edges, skin: vec![] };
+    let rig = Rig { mesh_hash: MeshHash(0), particles: (0..COUNT).map(particle).collect(), edges, ..Rig::default() };
     let material = Material { youngs_modulus: 2e6, poissons_ratio: 0.4, density: 1000.0 };
     let rods = Rods { solve, ..Rods::new(material, Section::circle(0.02)) };
     app.insert_resource(Gravity(Vec3::ZERO)).insert_resource(SolverSettings { substeps: 12, iterations: 1, ..default() });

@@ -9,7 +9,7 @@ use polpo_tests::{lattice, simulation, steps};
 fn bar(n: u32) -> Rig {
     let particle =
         |i| Particle { position: Vec3::X * (i as f32 / (n - 1) as f32), frame: Quat::IDENTITY, radii: Vec3::splat(0.02), mass: 1.0 };
-    Rig { mesh_hash: MeshHash(0), particles: (0..n).map(particle).collect(), edges: (1..n).map(|i| [i - 1, i]).collect(), skin: vec![] }
+    Rig { mesh_hash: MeshHash(0), particles: (0..n).map(particle).collect(), edges: (1..n).map(|i| [i - 1, i]).collect(), ..Rig::default() }
 }
 
 /// A bar of 1 m and 75 mm square, of a rubber that its own weight bends by ρgAL⁴/(8EI) = 5 cm, and by ρgL²/(2κG) in shear, and how far that is.

@@ -10,7 +10,8 @@ use polpo_rig::{MeshHash, Particle, Rig};
 /// Two particles on a spring of 3 Hz swing against each other at 3 Hz.
 fn measured(rate: f64, substeps: u32) -> f32 {
     let particle = |x: f32, mass: f32| Particle { position: Vec3::X * x, frame: Quat::IDENTITY, radii: Vec3::splat(0.05), mass };
-    let rig = Rig { mesh_hash: MeshHash(0), particles: vec![particle(0.0, 1.0), particle(0.5, 3.0)], edges: vec![[0, 1]], skin: vec![] };
+    let rig =
+        Rig { mesh_hash: MeshHash(0), particles: vec![particle(0.0, 1.0), particle(0.5, 3.0)], edges: vec![[0, 1]], ..Rig::default() };
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, PolpoPlugin::default()))
         .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))

@@ -18,7 +18,7 @@ fn three_pairs() -> (App, Entity) {
         mesh_hash: MeshHash(0),
         particles: (0..6).map(|i| particle(0.1 * (i % 2) as f32, (i / 2) as f32)).collect(),
         edges: vec![[0, 1], [2, 3], [4, 5]],
-        skin: vec![],
+        ..Rig::default()
     };
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, PolpoPlugin::default()))

@@ -38,7 +38,7 @@ fn steepest(mesh: &Mesh, rig: &Rig) -> f32 {
 }
 
 fn sphere(cuts: i32) -> Mesh {
-    cubes(&[IVec3::ZERO], cuts, |p| (p - 0.5).map(|x| (x * 1.57).tan()).normalize())
+    cubes(&[IVec3::ZERO], cuts, |p| (p - 0.5).map(|x| libm::tanf(x * 1.57)).normalize())
 }
 
 /// A bar whose triangles are up to twenty times as long at one end as at the other.
@@ -56,7 +56,7 @@ fn tube(rings: u32, radius: f32, line: impl Fn(f32) -> Vec3) -> Mesh {
         let along = (line(s + 1e-3) - line(s - 1e-3)).normalize();
         let turn = Quat::from_rotation_arc(Vec3::Z, along);
         for j in 0..AROUND {
-            let (sin, cos) = (j as f32 / AROUND as f32 * TAU).sin_cos();
+            let (sin, cos) = libm::sincosf(j as f32 / AROUND as f32 * TAU);
             mesh.positions.push(line(s) + turn * Vec3::new(cos, sin, 0.0) * radius);
         }
     }
@@ -189,12 +189,12 @@ fn fingers_do_not_follow_each_other() {
 #[test]
 fn coils_do_not_follow_each_other() {
     let ring = |s: f32| {
-        let (sin, cos) = (s * (TAU - 0.23)).sin_cos();
+        let (sin, cos) = libm::sincosf(s * (TAU - 0.23));
         Vec3::new(cos, sin, 0.0)
     };
     let coil = |s: f32| {
         let angle = 3.0 + 13.0 * s;
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = libm::sincosf(angle);
         Vec3::new(cos, sin, 0.0) * (0.036 * angle)
     };
     let lines: [(&str, &dyn Fn(f32) -> Vec3, u32); 2] = [("a ring", &ring, 200), ("a coil", &coil, 400)];
@@ -215,19 +215,25 @@ fn coils_do_not_follow_each_other() {
     }
 }
 
+/// A turn about z \[rad\].
+fn turn(angle: f32) -> Quat {
+    let (sin, cos) = libm::sincosf(0.5 * angle);
+    Quat::from_xyzw(0.0, 0.0, sin, cos)
+}
+
 /// Bends a bar by a quarter turn, each particle rigidly, and compares with the bend itself: how far a vertex is off in units of the bar's
 /// thickness, and by how many degrees a triangle is turned.
 fn bend(mesh: &Mesh, rig: &Rig, thickness: f32) -> (f32, f32) {
     let radius = 1.0 / FRAC_PI_2;
     let bent = |p: Vec3| {
-        let (sin, cos) = (p.x * FRAC_PI_2).sin_cos();
+        let (sin, cos) = libm::sincosf(p.x * FRAC_PI_2);
         let radius = radius + p.y - 0.5 * thickness;
         Vec3::new(radius * sin, radius * cos, p.z)
     };
     let follow = |(p, influences): (&Vec3, &Influences)| {
         let moved = |(particle, weight): (u32, f32)| {
             let centre = rig.particles[particle as usize].position;
-            (bent(centre) + Quat::from_rotation_z(-centre.x * FRAC_PI_2) * (*p - centre)) * weight
+            (bent(centre) + turn(-centre.x * FRAC_PI_2) * (*p - centre)) * weight
         };
         influences.used().map(moved).sum::<Vec3>()
     };

@@ -320,7 +320,7 @@ mod tests {
         );
         let mesh = RestMesh { positions: &[], ..mesh };
         assert_eq!(
-            Binding::new(mesh, &[Vec3::ZERO], [whole(0); 0].into_iter()).unwrap_err(),
+            Binding::new(mesh, &[Vec3::ZERO], [whole(0)].into_iter().take(0)).unwrap_err(),
             BindingError::Empty { vertices: 0, particles: 1 }
         );
     }

@@ -164,11 +164,12 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_is_left_out() {
-        let mut model = Model::default();
-        model.corners = vec![Corner { position: Vec3::NAN, normal: Vec3::Y, colour: Vec3::ONE }; 3];
-        model.triangles = vec![[0, 1, 2]];
-        model.ellipsoids =
-            vec![Ellipsoid { centre: Vec3::ZERO, frame: Quat::IDENTITY, radii: Vec3::new(1.0, f32::NAN, 1.0), colour: Vec3::ONE }];
+        let broken = Ellipsoid { centre: Vec3::ZERO, frame: Quat::IDENTITY, radii: Vec3::new(1.0, f32::NAN, 1.0), colour: Vec3::ONE };
+        let model = Model {
+            corners: vec![Corner { position: Vec3::NAN, normal: Vec3::Y, colour: Vec3::ONE }; 3],
+            triangles: vec![[0, 1, 2]],
+            ellipsoids: vec![broken],
+        };
         let canvas = Canvas::seen(&model, &camera(), 20, 20);
         assert!(canvas.depth.iter().all(|&d| d == f32::NEG_INFINITY));
     }

@@ -55,11 +55,13 @@ struct Report {
 pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     let path = &arguments.file;
     let (rig, mesh) = if source::is_rig(path) {
-        (Some(Rig::read(path)?), arguments.mesh.clone().or_else(|| source::mesh_beside(path)))
+        let rig = Rig::read(path)?;
+        let mesh = arguments.mesh.clone().or_else(|| source::mesh_beside(path));
+        (Some(rig), mesh.as_deref().map(read_mesh).transpose()?)
     } else {
-        (source::rig_of(path)?.map(|(rig, _)| rig), Some(path.clone()))
+        let mesh = read_mesh(path)?;
+        (source::rig_of(path)?.map(|(rig, _)| rig), Some(mesh))
     };
-    let mesh = mesh.as_deref().map(read_mesh).transpose()?;
     if let (Some(rig), Some(mesh)) = (&rig, &mesh) {
         rig.check_mesh(mesh)?;
     }

@@ -72,12 +72,14 @@ pub(crate) struct Source {
 /// # Errors
 /// If a file cannot be read, or mesh and rig do not go together.
 pub(crate) fn read(path: &Path, mesh: Option<&Path>, recipe: &RecipeOptions, quiet: bool) -> Result<Source, CliError> {
-    let (rig, mesh_path) = if is_rig(path) {
-        (Some((Rig::read(path)?, path.to_owned())), mesh.map(Path::to_owned).or_else(|| mesh_beside(path)))
-    } else {
-        (if recipe.given() { None } else { rig_of(path)? }, Some(path.to_owned()))
-    };
+    let own = is_rig(path).then(|| Rig::read(path)).transpose()?;
+    let mesh_path = if own.is_some() { mesh.map(Path::to_owned).or_else(|| mesh_beside(path)) } else { Some(path.to_owned()) };
     let mesh = mesh_path.as_deref().map(read_mesh).transpose()?;
+    let rig = match own {
+        Some(rig) => Some((rig, path.to_owned())),
+        None if recipe.given() => None,
+        None => rig_of(path)?,
+    };
     match (rig, mesh) {
         (Some((rig, rig_path)), mesh) => {
             mesh.as_ref().map_or(Ok(()), |mesh| rig.check_mesh(mesh))?;

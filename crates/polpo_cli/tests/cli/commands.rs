@@ -184,7 +184,11 @@ fn a_rig_with_a_material_asks_for_its_substeps() {
     assert!(soft > 1 && stiff.abs_diff(10 * soft) <= 10, "{soft}, {stiff}");
     // Twice the size: half the frequency.
     assert!(needed(&["--size", "0.4"]).abs_diff(soft / 2) <= 1);
-    refused(&polpo(&["simulate", &folder.block(), "--particles", "9", "--youngs-modulus", "1e5"]), "the rig has no cells");
+    let block = folder.block();
+    let made = polpo(&["simulate", &block, "--particles", "9", "--youngs-modulus", "1e5", "--seconds", "0.1", "--json", "-"]);
+    assert!(json(&made)["substeps_needed"].is_u64(), "{}", text(&made.stderr));
+    assert_eq!(polpo(&["rig", &block, "--particles", "9"]).status.code(), Some(0));
+    refused(&polpo(&["simulate", &folder.at("block.rig"), "--youngs-modulus", "1e5"]), "the rig has no cells");
 }
 
 #[test]

@@ -28,6 +28,8 @@ mod joints;
 mod large_bodies;
 #[path = "contracts/last_look.rs"]
 mod last_look;
+#[path = "contracts/model_files.rs"]
+mod model_files;
 #[path = "contracts/octopus_scene.rs"]
 mod octopus_scene;
 #[path = "contracts/pairs.rs"]

@@ -11,11 +11,14 @@ use bevy::prelude::*;
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 use bevy::time::TimeUpdateStrategy;
 use polpo::render::{PolpoRenderPlugin, SKIN_GPU_TIME, Skin, SkinError, SkinRejected, SkinningBackend, SkinningStats, bevy_mesh};
-use polpo::{Particles, SoftBody, StepStart};
+use polpo::{Particles, RecipeAsset, SoftBody, SoftBodyScene, StepStart};
 use polpo_rig::Rig;
 use polpo_skinning::cpu::{SkinnedVertices, skin};
 use polpo_skinning::{Binding, ParticleTransform, RestMesh};
-use polpo_tests::render::{Random, camera, gpu_or_skip, limb, render_app, shake, slab_of, slab_words, start};
+use polpo_tests::models::{COLORS, Files, dumbbell, glb};
+use polpo_tests::render::{
+    Random, camera, gpu_or_skip, limb, limb_following, render_app, render_app_of, shake, slab_of, slab_words, start,
+};
 
 /// Length of the limb [m].
 const SIZE: f32 = 2.0;
@@ -104,6 +107,10 @@ fn slab_matches_the_mirror_for_all_bodies_and_layouts() {
     let material = app.world_mut().resource_mut::<Assets<StandardMaterial>>().add(Color::WHITE);
     app.world_mut().spawn((Mesh3d(stranger.clone()), MeshMaterial3d(material)));
 
+    // More than four influences a vertex.
+    let (wide_source, wide_rig) = limb_following(18, 9, Vec3::ZERO, 8);
+    let wide = add_mesh(&mut app, bevy_mesh(&wide_source));
+
     let half_turn = Quat::from_xyzw(0.6, 0.0, 0.8, 0.0);
     let bodies = [
         (spawn(&mut app, &plain, &plain_rig, Transform::from_xyz(-3.0, 2.0, 0.0)), &plain_source, &[][..], 1.0),
@@ -115,6 +122,7 @@ fn slab_matches_the_mirror_for_all_bodies_and_layouts() {
         ),
         (spawn(&mut app, &tangent, &tangent_rig, Transform::from_xyz(-32.0, 18.0, -10.0)), &tangent_source, &tangents[..], 1.0),
         (spawn(&mut app, &plain, &plain_rig, Transform::from_xyz(3.0, -2.0, 0.0)), &plain_source, &[][..], 1.0),
+        (spawn(&mut app, &wide, &wide_rig, Transform::from_xyz(0.0, 4.0, 0.0)), &wide_source, &[][..], 1.0),
     ];
     let mut random = Random(9);
     let mut worst = 0.0f32;
@@ -134,7 +142,9 @@ fn slab_matches_the_mirror_for_all_bodies_and_layouts() {
         }
     }
     let instance = |body: Entity| app.world().get::<Skin>(body).expect("skinned").instance().id();
-    let [a, b, c, d] = bodies.map(|(body, ..)| slab_of(&app, instance(body)).expect("in a slab"));
+    let widths = bodies.map(|(body, ..)| app.world().get::<Skin>(body).expect("skinned").binding().more().len());
+    assert_eq!(widths, [0, 0, 0, 0, 18 * 16], "the test is about one body with more than four influences a vertex");
+    let [a, b, c, d, _] = bodies.map(|(body, ..)| slab_of(&app, instance(body)).expect("in a slab"));
     assert!(a == b && b == d && a != c, "the test is about bodies that share a slab, and one that does not");
     assert_eq!(slab_of(&app, stranger.id()), Some(a));
     let after = slab_words(&app, stranger.id(), 8).expect("the stranger is there");
@@ -257,6 +267,54 @@ fn the_cpu_writes_the_same_vertices() {
     let stats = app.world().resource::<SkinningStats>();
     eprintln!("skin: {:?} on the CPU, {} vertices, {} particles", stats.cpu_skin_time, source.positions.len(), rig.particles.len());
     assert!(stats.on_cpu && stats.cpu_skin_time > Duration::ZERO);
+}
+
+#[test]
+fn each_part_of_a_model_wears_its_material_and_matches_the_mirror() {
+    if !gpu_or_skip() {
+        return;
+    }
+    let files = Files::default();
+    let bytes = glb(&dumbbell(), &COLORS, serde_json::Value::Null);
+    let source = polpo_rig::parse_mesh("dumbbell.glb", &bytes).expect("a good model");
+    files.write("dumbbell.glb", bytes);
+    let mut app = App::new();
+    files.serve(&mut app);
+    let mut app = render_app_of(app, PolpoRenderPlugin::default());
+    start(&mut app);
+    camera(&mut app, Transform::from_xyz(0.0, 0.0, 20.0));
+    let recipe = polpo_rig::Recipe { influences: 8, ..polpo_rig::Recipe::with_particles(24) };
+    let recipe = app.world_mut().resource_mut::<Assets<RecipeAsset>>().add(RecipeAsset(recipe));
+    let model = app.world().resource::<AssetServer>().load("dumbbell.glb");
+    let scene = SoftBodyScene::new(model).with_recipe(recipe);
+    let bodies = [-1.0, 1.0].map(|y| app.world_mut().spawn((scene.clone(), Transform::from_xyz(0.0, y, 0.0))).id());
+    let started = std::time::Instant::now();
+    while bodies.iter().any(|&body| app.world().get::<Children>(body).is_none()) {
+        assert!(started.elapsed() < Duration::from_secs(60), "waited a minute for two bodies");
+        std::thread::sleep(Duration::from_millis(1));
+        app.update();
+    }
+    app.update();
+    let mut random = Random(11);
+    for body in bodies {
+        shake(&mut app, body, &mut random, 0.1);
+    }
+    app.update();
+    for body in bodies {
+        let whole = expected(&app, body, &source, &[], 1.0);
+        let children: Vec<Entity> = app.world().get::<Children>(body).expect("parts").iter().collect();
+        assert_eq!(children.len(), 3);
+        for ((part, child), (name, color)) in source.parts.iter().zip(children).zip(COLORS) {
+            let slice = |list: &Vec<[f32; 3]>| list[part.vertices.start as usize..part.vertices.end as usize].to_vec();
+            let expected = [slice(&whole[0]), slice(&whole[1]), Vec::new()];
+            let worst = error(&app, child, &expected, SIZE);
+            assert!(worst < 1e-5, "{name}: {worst}");
+            let material = app.world().get::<MeshMaterial3d<StandardMaterial>>(child).expect("a material");
+            let material = app.world().resource::<Assets<StandardMaterial>>().get(&material.0).expect("it is loaded");
+            assert_eq!(material.base_color.to_linear().to_f32_array(), color, "{name}");
+        }
+    }
+    assert_eq!(app.world().resource::<SkinningStats>().bodies, 2);
 }
 
 #[test]

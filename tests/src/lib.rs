@@ -1,6 +1,7 @@
 //! What the contract tests share.
 
 mod fixtures;
+pub mod models;
 mod random_capabilities;
 mod random_scene;
 pub mod render;

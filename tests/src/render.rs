@@ -44,7 +44,11 @@ pub fn gpu_or_skip() -> bool {
 
 /// `DefaultPlugins` without window, log and threads of its own, with soft bodies. Time stands still until a test sets `TimeUpdateStrategy`.
 pub fn render_app(plugin: PolpoRenderPlugin) -> App {
-    let mut app = App::new();
+    render_app_of(App::new(), plugin)
+}
+
+/// The same from an app in which something was registered before the plugins.
+pub fn render_app_of(mut app: App, plugin: PolpoRenderPlugin) -> App {
     app.add_plugins(
         DefaultPlugins
             .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
@@ -149,6 +153,11 @@ fn read_back(world: &World, record: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu
 
 /// A limb along x, 2 m long, its middle at `offset`: a tube of `rings` rings of 16 vertices on a row of `particles`, each vertex on its up to four nearest. Returns the mesh and its rig.
 pub fn limb(rings: usize, particles: usize, offset: Vec3) -> (polpo_rig::Mesh, Arc<Rig>) {
+    limb_following(rings, particles, offset, 4)
+}
+
+/// The same with each vertex on its up to `most` nearest.
+pub fn limb_following(rings: usize, particles: usize, offset: Vec3, most: usize) -> (polpo_rig::Mesh, Arc<Rig>) {
     const SIDES: usize = 16;
     let along = |i: usize, n: usize| offset + Vec3::X * (2.0 * i as f32 / (n - 1) as f32 - 1.0);
     let centers: Vec<Vec3> = (0..particles).map(|i| along(i, particles)).collect();
@@ -162,7 +171,7 @@ pub fn limb(rings: usize, particles: usize, offset: Vec3) -> (polpo_rig::Mesh, A
             mesh.positions.push(position);
             mesh.normals.push(normal);
             mesh.uvs.push(Vec2::new(ring as f32 / rings as f32, side as f32 / SIDES as f32));
-            skin.push(nearest_four(position, &centers));
+            skin.push(nearest(position, &centers, most));
             if ring + 1 < rings {
                 let (a, b) = ((ring * SIDES + side) as u32, (ring * SIDES + (side + 1) % SIDES) as u32);
                 let (c, d) = (a + SIDES as u32, b + SIDES as u32);
@@ -182,11 +191,11 @@ pub fn limb(rings: usize, particles: usize, offset: Vec3) -> (polpo_rig::Mesh, A
     (mesh, Arc::new(rig))
 }
 
-fn nearest_four(position: Vec3, centers: &[Vec3]) -> Influences {
+fn nearest(position: Vec3, centers: &[Vec3], most: usize) -> Influences {
     let mut order: Vec<u32> = (0..centers.len() as u32).collect();
     let distance = |i: u32| centers[i as usize].distance(position);
     order.sort_by(|&a, &b| distance(a).total_cmp(&distance(b)));
-    let near: Vec<(u32, f64)> = order.iter().take(4).map(|&p| (p, 1.0 / f64::from(0.05 + distance(p)))).collect();
+    let near: Vec<(u32, f64)> = order.iter().take(most).map(|&p| (p, 1.0 / f64::from(0.05 + distance(p)))).collect();
     Influences::new(&near)
 }
 

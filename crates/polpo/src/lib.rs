@@ -66,9 +66,18 @@ mod torsion;
 mod wind;
 mod writeback;
 
+#[cfg(feature = "assets")]
+mod assets;
+#[cfg(feature = "gltf")]
+mod dress;
 #[cfg(feature = "render")]
 pub mod render;
 
+#[cfg(feature = "assets")]
+pub use assets::{
+    LoadError, ModelError, PolpoAssetsPlugin, RecipeAsset, RigAsset, RigSource, SoftBodyAssetSystems, SoftBodyLoadFailed, SoftBodyModel,
+    SoftBodyReady, SoftBodyRig, SoftBodyScene,
+};
 pub use blocks::Blocks;
 pub use bodies::{InitialVelocity, RejectReason, SoftBody, SoftBodyRejected};
 pub use body_contact::{BodyContact, BodyPair, BodyPairs};
@@ -111,4 +120,6 @@ pub mod prelude {
         KeepMomentum, ParticleAnchor, Pin, Pins, PolpoPlugin, PolpoSystems, SelfContact, ShapeMatching, Sleep, Sleeping, SoftBody,
         SolverSettings, Stiffness, Torsion, Wind,
     };
+    #[cfg(feature = "assets")]
+    pub use crate::{PolpoAssetsPlugin, SoftBodyLoadFailed, SoftBodyReady, SoftBodyRig, SoftBodyScene};
 }

@@ -89,7 +89,7 @@ pub enum BindingError {
         /// What they sum to.
         sum: f32,
     },
-    /// A rest position, normal, tangent or particle position is not finite.
+    /// A rest position, normal, tangent, particle position or the origin is not finite.
     #[error("{what} {index} is not finite")]
     NotFinite {
         /// Which array.
@@ -127,15 +127,24 @@ impl Binding {
         particles: &[Vec3],
         influences: impl ExactSizeIterator<Item = ([u32; N], [f32; N])>,
     ) -> Result<Self, BindingError> {
-        check_mesh(&mesh, particles, influences.len())?;
+        let mut positions = mesh.positions.iter().map(|&position| Vec3::from(position));
+        let first = positions.next().unwrap_or_default();
+        let (min, max) = positions.fold((first, first), |(min, max), position| (min.min(position), max.max(position)));
+        Self::about(0.5 * min + 0.5 * max, mesh, particles, influences)
+    }
 
-        let first = Vec3::from(mesh.positions[0]);
-        let (min, max) = mesh
-            .positions
-            .iter()
-            .map(|&position| Vec3::from(position))
-            .fold((first, first), |(min, max), position| (min.min(position), max.max(position)));
-        let origin = 0.5 * min + 0.5 * max;
+    /// [`new`](Self::new) with rest data relative to `origin` [m, in the mesh's space] instead of the middle of the mesh's box. Meshes bound about the same origin to the same particles follow the
+    /// same transforms.
+    pub fn about<const N: usize>(
+        origin: Vec3,
+        mesh: RestMesh<'_>,
+        particles: &[Vec3],
+        influences: impl ExactSizeIterator<Item = ([u32; N], [f32; N])>,
+    ) -> Result<Self, BindingError> {
+        check_mesh(&mesh, particles, influences.len())?;
+        if !origin.is_finite() {
+            return Err(BindingError::NotFinite { what: "origin", index: 0 });
+        }
         let particles: Vec<Vec3> = particles.iter().map(|particle| particle - origin).collect();
 
         let mut vertices = Vec::with_capacity(mesh.positions.len());
@@ -174,7 +183,7 @@ impl Binding {
         })
     }
 
-    /// The middle of the rest mesh's box [m, in the mesh's space]; rest data is stored relative to it.
+    /// What rest data is stored relative to [m, in the mesh's space].
     pub fn origin(&self) -> Vec3 {
         self.origin
     }

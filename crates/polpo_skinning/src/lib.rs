@@ -16,7 +16,7 @@
 //! Degenerate cases. Where rotations half a turn apart cancel, Σ w_k R_k n̄ has no direction: the normal stays the rest normal. A zero rest normal stays zero. Linear blending loses
 //! volume where neighbours twist against each other, by cos(θ/2) between two particles θ apart: 0.92 at 45°, 0.71 at 90°.
 //!
-//! Rest positions are stored relative to the middle of the rest mesh, so that p_k − s·R_k·p̄_k does not cancel digits for a mesh modelled far from its origin.
+//! Rest positions are stored relative to a point in the middle of the body, so that p_k − s·R_k·p̄_k does not cancel digits for a mesh modelled far from its origin.
 //!
 //! # The pieces, in the order data takes
 //!

@@ -1,9 +1,10 @@
 //! Giving each body a mesh of its own, and taking it away again.
 //!
-//! A skinned vertex buffer belongs to one body, so the body's `Mesh3d` is replaced by a copy of the user's mesh. The rest data behind it is the same for every body of that mesh and rig and is
-//! shared. Another `Mesh3d`, another rig or a change to the mesh asset binds anew; when the `SoftBody` goes, the user's handle comes back.
+//! A skinned vertex buffer belongs to one body, so the `Mesh3d` of a body, or of a part of it, is replaced by a copy of the user's mesh. The rest data behind it is the same for every body of
+//! that mesh and rig and is shared. Another `Mesh3d`, another rig or a change to the mesh asset binds anew; when the `SoftBody` goes, the user's handle comes back.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::{Arc, Weak};
 
 use bevy::asset::RenderAssetUsages;
@@ -12,14 +13,15 @@ use bevy::camera::visibility::NoAutoAabb;
 use bevy::mesh::{MeshVertexAttributeId, VertexAttributeValues};
 use bevy::prelude::*;
 use polpo_rig::Rig;
-use polpo_skinning::{Binding, BindingError, ParticleTransform, RestMesh, VertexLayout};
+use polpo_skinning::{Binding, BindingError, RestMesh, VertexLayout};
 
 use super::SkinningStats;
 use super::cpu_fallback::write_vertices;
-use super::pose::{Pose, pose_particles};
+use super::parts::SkinPart;
+use super::pose::{Pose, SkinPose, middle};
 use crate::{Particles, SoftBody};
 
-/// A body whose mesh follows its particles. Comes with every [`SoftBody`] that has a `Mesh3d` its rig fits, as soon as the mesh is loaded; goes with it.
+/// A mesh that follows a body's particles. Comes to every [`SoftBody`] or [`SkinPart`] that has a `Mesh3d` which the rig fits, as soon as the mesh is loaded; goes with it.
 #[derive(Component, Debug)]
 pub struct Skin {
     /// The user's mesh, which comes back when the body goes.
@@ -27,7 +29,6 @@ pub struct Skin {
     /// The body's own copy, in its `Mesh3d`.
     instance: Handle<Mesh>,
     pub(super) shared: Arc<SharedBinding>,
-    pub(super) transforms: Vec<ParticleTransform>,
 }
 
 impl Skin {
@@ -50,11 +51,6 @@ impl Skin {
     pub fn layout(&self) -> VertexLayout {
         self.shared.layout
     }
-
-    /// This frame's particle transforms, into the space of the entity's `Transform`, axes parallel to the world's; one a particle. Empty before the first frame.
-    pub fn transforms(&self) -> &[ParticleTransform] {
-        &self.transforms
-    }
 }
 
 /// What bodies of the same mesh and rig share.
@@ -65,9 +61,9 @@ pub(super) struct SharedBinding {
     rig: Arc<Rig>,
 }
 
-/// The bindings in use, by source mesh and rig. A rig's address stands for the rig: the binding holds on to it, so the address stays taken while the entry is alive.
+/// The bindings in use, by source mesh, rig and the first of its vertices. A rig's address stands for the rig: the binding holds on to it, so the address stays taken while the entry is alive.
 #[derive(Resource, Debug, Default)]
-pub(super) struct Bindings(BTreeMap<(AssetId<Mesh>, usize), Weak<SharedBinding>>);
+pub(super) struct Bindings(BTreeMap<(AssetId<Mesh>, usize, u32), Weak<SharedBinding>>);
 
 /// Why a body's mesh does not follow its particles.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -83,7 +79,7 @@ pub enum SkinError {
     VertexCount {
         /// Vertices of the mesh.
         mesh: usize,
-        /// Vertices the rig has influences for.
+        /// Vertices the rig has influences for, in all or in this part.
         rig: usize,
     },
     /// A vertex is not a whole number of 32-bit words, or an attribute is not aligned to one.
@@ -99,10 +95,10 @@ pub enum SkinError {
     Binding(#[from] BindingError),
 }
 
-/// Triggered on a body whose mesh cannot follow its particles; the mesh stays as it is. Tried again when the body gets another mesh or rig, or the mesh asset changes.
+/// Triggered on a body, or a part of one, whose mesh cannot follow its particles; the mesh stays as it is. Tried again when it gets another mesh or rig, or the mesh asset changes.
 #[derive(EntityEvent, Debug, Clone)]
 pub struct SkinRejected {
-    /// The body.
+    /// The body, or the part.
     pub entity: Entity,
     /// What was wrong.
     pub reason: SkinError,
@@ -115,12 +111,15 @@ pub(super) struct Refused {
     rig: Arc<Rig>,
 }
 
-type Attachable<'a> = (Entity, &'a SoftBody, &'a Particles, &'a mut Mesh3d, Option<&'a Skin>, Option<&'a Refused>);
+type Bodies<'a> = (&'a SoftBody, &'a Particles, Option<&'a SkinPose>);
 
-/// Binds bodies that are new or whose mesh or rig changed.
+type Attachable<'a> = (Entity, Option<&'a SkinPart>, &'a mut Mesh3d, Option<&'a Skin>, Option<&'a Refused>);
+
+/// Binds bodies, and their parts, that are new or whose mesh or rig changed.
 pub(super) fn attach_skins(
     mut commands: Commands,
-    mut bodies: Query<Attachable>,
+    bodies: Query<Bodies>,
+    mut attachable: Query<Attachable, Or<(With<SoftBody>, With<SkinPart>)>>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut bindings: ResMut<Bindings>,
     mut events: MessageReader<AssetEvent<Mesh>>,
@@ -133,9 +132,13 @@ pub(super) fn attach_skins(
         _ => None,
     }));
     if !modified.is_empty() {
-        bindings.0.retain(|(mesh, _), _| !modified.contains(mesh));
+        bindings.0.retain(|(mesh, ..), _| !modified.contains(mesh));
     }
-    for (entity, body, particles, mut mesh3d, skin, refused) in &mut bodies {
+    for (entity, part, mut mesh3d, skin, refused) in &mut attachable {
+        let owner = part.map_or(entity, |part| part.body);
+        let Ok((body, particles, pose)) = bodies.get(owner) else {
+            continue;
+        };
         let source = match skin {
             // The user's mesh is still the source as long as nobody put another one into `Mesh3d`.
             Some(skin) if mesh3d.0 == skin.instance => {
@@ -157,21 +160,21 @@ pub(super) fn attach_skins(
         let Some(mesh) = meshes.get(&source) else {
             continue;
         };
-        match bind(&mut bindings, source.id(), mesh, &body.rig) {
+        let range = part.map_or(0..body.rig.skin.len() as u32, |part| part.vertices.clone());
+        match bind(&mut bindings, source.id(), mesh, &body.rig, range) {
             Ok(shared) => {
                 let mut instance = mesh.clone();
                 instance.asset_usage = if stats.on_cpu { RenderAssetUsages::all() } else { RenderAssetUsages::RENDER_WORLD };
                 // The copy starts in the body's pose and space, so that its first upload is already right.
-                let mut transforms = Vec::new();
-                pose_particles(&mut transforms, &shared.binding, &body.rig, &Pose::present(particles));
-                write_vertices(&mut instance, &shared.binding, &transforms);
+                let mut present = SkinPose::new(&body.rig);
+                present.take(&Pose::present(particles));
+                write_vertices(&mut instance, &shared.binding, present.transforms());
+                if pose.is_none_or(|pose| !pose.is_of(&body.rig)) {
+                    commands.entity(owner).insert(present);
+                }
                 let instance = meshes.add(instance);
                 mesh3d.0 = instance.clone();
-                commands.entity(entity).remove::<Refused>().insert((
-                    Skin { source, instance, shared, transforms },
-                    Aabb::default(),
-                    NoAutoAabb,
-                ));
+                commands.entity(entity).remove::<Refused>().insert((Skin { source, instance, shared }, Aabb::default(), NoAutoAabb));
             }
             Err(reason) => {
                 tracing::error!("the mesh of soft body {entity} stays undeformed: {reason}");
@@ -186,12 +189,16 @@ pub(super) fn attach_skins(
     }
 }
 
-/// A skin whose body, particles or mesh component is gone.
-type Orphaned = Or<(Without<SoftBody>, Without<Particles>, Without<Mesh3d>)>;
-
-/// Gives back the user's mesh where the body is gone.
-pub(super) fn detach_skins(mut commands: Commands, mut skinned: Query<(Entity, &Skin, Option<&mut Mesh3d>), Orphaned>) {
-    for (entity, skin, mesh3d) in &mut skinned {
+/// Gives back the user's mesh where the body, its particles or the mesh component is gone.
+pub(super) fn detach_skins(
+    mut commands: Commands,
+    mut skinned: Query<(Entity, &Skin, Option<&SkinPart>, Option<&mut Mesh3d>)>,
+    bodies: Query<(), (With<SoftBody>, With<Particles>)>,
+) {
+    for (entity, skin, part, mesh3d) in &mut skinned {
+        if mesh3d.is_some() && bodies.contains(part.map_or(entity, |part| part.body)) {
+            continue;
+        }
         if let Some(mut mesh3d) = mesh3d
             && mesh3d.0 == skin.instance
         {
@@ -201,9 +208,15 @@ pub(super) fn detach_skins(mut commands: Commands, mut skinned: Query<(Entity, &
     }
 }
 
-/// The shared binding of this mesh and rig, made if nobody has it.
-fn bind(bindings: &mut Bindings, id: AssetId<Mesh>, mesh: &Mesh, rig: &Arc<Rig>) -> Result<Arc<SharedBinding>, SkinError> {
-    let key = (id, Arc::as_ptr(rig) as usize);
+/// The shared binding of this mesh to the vertices `range` of the rig, made if nobody has it.
+fn bind(
+    bindings: &mut Bindings,
+    id: AssetId<Mesh>,
+    mesh: &Mesh,
+    rig: &Arc<Rig>,
+    range: Range<u32>,
+) -> Result<Arc<SharedBinding>, SkinError> {
+    let key = (id, Arc::as_ptr(rig) as usize, range.start);
     if let Some(shared) = bindings.0.get(&key).and_then(Weak::upgrade) {
         return Ok(shared);
     }
@@ -216,14 +229,16 @@ fn bind(bindings: &mut Bindings, id: AssetId<Mesh>, mesh: &Mesh, rig: &Arc<Rig>)
     };
     // Bevy cuts all attributes to the shortest.
     let vertices = mesh.count_vertices();
-    if vertices != rig.skin.len() || positions.len() != vertices {
-        return Err(SkinError::VertexCount { mesh: vertices, rig: rig.skin.len() });
+    let skin = rig.skin.get(range.start as usize..range.end as usize).unwrap_or_default();
+    if vertices != skin.len() || positions.len() != vertices {
+        return Err(SkinError::VertexCount { mesh: vertices, rig: skin.len() });
     }
     let particles: Vec<Vec3> = rig.particles.iter().map(|particle| particle.position).collect();
-    let binding = Binding::new(
+    let binding = Binding::about(
+        middle(rig),
         RestMesh { positions, normals: cut(normals, vertices), tangents: cut(tangents, vertices) },
         &particles,
-        rig.skin.iter().map(|influences| (influences.particles, influences.weights)),
+        skin.iter().map(|influences| (influences.particles, influences.weights)),
     )?;
     let shared = Arc::new(SharedBinding { binding, layout, rig: rig.clone() });
     bindings.0.retain(|_, shared| shared.strong_count() > 0);

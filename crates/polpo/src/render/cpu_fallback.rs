@@ -8,13 +8,22 @@ use polpo_skinning::{Binding, ParticleTransform};
 
 use super::SkinningStats;
 use super::attach::Skin;
+use super::parts::SkinPart;
+use super::pose::SkinPose;
 
 /// Writes the skinned vertices into each body's own mesh.
-pub(super) fn skin_on_cpu(skins: Query<&Skin>, mut meshes: ResMut<Assets<Mesh>>, mut stats: ResMut<SkinningStats>) {
+pub(super) fn skin_on_cpu(
+    skins: Query<(Entity, &Skin, Option<&SkinPart>)>,
+    poses: Query<&SkinPose>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut stats: ResMut<SkinningStats>,
+) {
     let started = Instant::now();
-    for skin in &skins {
-        if let Some(mut mesh) = meshes.get_mut(skin.instance()) {
-            write_vertices(&mut mesh, skin.binding(), &skin.transforms);
+    for (entity, skin, part) in &skins {
+        if let Ok(pose) = poses.get(part.map_or(entity, |part| part.body))
+            && let Some(mut mesh) = meshes.get_mut(skin.instance())
+        {
+            write_vertices(&mut mesh, skin.binding(), pose.transforms());
         }
     }
     stats.cpu_skin_time = started.elapsed();

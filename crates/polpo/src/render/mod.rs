@@ -13,7 +13,10 @@
 //! | `node.rs` | `RenderGraph`, `Begin` | one compute pass for all bodies, before any camera draws |
 //!
 //! The vertices that materials, prepasses and shadows read are the skinned ones, so all of those work unchanged. Not covered: motion vectors know the entity's motion but not the mesh's own
-//! deformation, so TAA and motion blur smear it a little; and a body's mesh is one `Mesh3d` on the body's own entity, not a hierarchy of them.
+//! deformation, so TAA and motion blur smear it a little.
+//!
+//! A body of several meshes has them on entities of their own, each a [`SkinPart`]. With the feature `gltf` the parts of a [`SoftBodyScene`](crate::SoftBodyScene) come by themselves, in the
+//! materials of its file.
 //!
 //! [`PolpoGizmosPlugin`] draws particles, edges and contacts.
 
@@ -23,6 +26,7 @@ mod extract;
 mod gizmos;
 mod mesh;
 mod node;
+mod parts;
 mod pose;
 mod prepare;
 
@@ -33,10 +37,16 @@ use bevy::render::RenderApp;
 use bevy::render::renderer::{RenderAdapter, RenderDevice};
 use core::time::Duration;
 
+use crate::PolpoAssetsPlugin;
+
 pub use attach::{Skin, SkinError, SkinRejected};
 pub use gizmos::{PolpoGizmoGroup, PolpoGizmos, PolpoGizmosPlugin};
 pub use mesh::bevy_mesh;
+#[cfg(feature = "gltf")]
+pub(crate) use mesh::mesh_of_part;
+pub use parts::{SkinPart, SkinParts};
 pub use polpo_skinning as skinning;
+pub use pose::SkinPose;
 
 /// The diagnostic with the GPU time of the skinning pass \[ms\]. It is there if `RenderDiagnosticsPlugin` was added and the GPU has timestamps.
 pub const SKIN_GPU_TIME: DiagnosticPath = DiagnosticPath::const_new("render/skin/elapsed_gpu");
@@ -77,7 +87,7 @@ pub struct SkinSystems;
 pub struct SkinningStats {
     /// Whether the CPU computes the vertices.
     pub on_cpu: bool,
-    /// Bodies with a [`Skin`].
+    /// Bodies with a [`Skin`], on themselves or on parts.
     pub bodies: usize,
     /// Time for the particle transforms and boxes of all bodies.
     pub pose_time: Duration,
@@ -91,6 +101,9 @@ struct Interpolate(bool);
 
 impl Plugin for PolpoRenderPlugin {
     fn build(&self, app: &mut App) {
+        app.add_plugins(PolpoAssetsPlugin);
+        #[cfg(feature = "gltf")]
+        app.add_plugins(crate::dress::DressPlugin);
         app.insert_resource(Interpolate(self.interpolate))
             .init_resource::<SkinningStats>()
             .init_resource::<attach::Bindings>()
@@ -101,7 +114,13 @@ impl Plugin for PolpoRenderPlugin {
             )
             .add_systems(
                 PostUpdate,
-                (attach::detach_skins, attach::attach_skins, pose::pose_skins, cpu_fallback::skin_on_cpu.run_if(on_cpu))
+                (
+                    attach::detach_skins,
+                    attach::attach_skins,
+                    pose::pose_skins,
+                    pose::bound_parts.run_if(any_with_component::<SkinPart>),
+                    cpu_fallback::skin_on_cpu.run_if(on_cpu),
+                )
                     .chain()
                     .in_set(SkinSystems)
                     .run_if(resource_exists::<Assets<Mesh>>),

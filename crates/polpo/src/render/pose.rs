@@ -1,14 +1,17 @@
 //! The particle transforms of a frame, and the box around the mesh they carry.
 
+use std::sync::Arc;
+
 use bevy::camera::primitives::Aabb;
 use bevy::math::Vec3A;
 use bevy::platform::time::Instant;
 use bevy::prelude::*;
 use polpo_rig::Rig;
+use polpo_skinning::ParticleTransform;
 use polpo_skinning::bounds::skinned_aabb;
-use polpo_skinning::{Binding, ParticleTransform};
 
 use super::attach::Skin;
+use super::parts::{SkinPart, SkinParts};
 use super::{Interpolate, SkinningStats};
 use crate::particles::for_each_body;
 use crate::{Particles, SoftBody, StepStart};
@@ -60,46 +63,102 @@ pub(super) fn fraction(interpolate: &Interpolate, time: Option<&Time<Fixed>>) ->
     }
 }
 
-/// Fills `transforms`, one a particle; leaves them as they are if the particles are not those of the binding.
-pub(super) fn pose_particles(transforms: &mut Vec<ParticleTransform>, binding: &Binding, rig: &Rig, pose: &Pose) {
-    let rest = binding.rest_particles();
-    let (Some(first), Some(radii)) = (rig.particles.first(), pose.particles.radii.first()) else {
-        return;
-    };
-    if pose.particles.len() != rest.len() {
-        return;
-    }
-    // The body's scale went into its particles when it was built; the rig's radii are positive.
-    let scale = radii.x / first.radii.x;
-    transforms.clear();
-    transforms.extend(rest.iter().enumerate().map(|(i, &rest)| {
-        let (position, rotation) = pose.particle(i);
-        ParticleTransform::new(position.into(), rotation, scale, rest)
-    }));
+/// The middle of a rig's particles \[m\], in its own space: what skinning stores rest data relative to.
+pub(super) fn middle(rig: &Rig) -> Vec3 {
+    let mut positions = rig.particles.iter().map(|particle| particle.position);
+    let first = positions.next().unwrap_or_default();
+    let (min, max) = positions.fold((first, first), |(min, max), position| (min.min(position), max.max(position)));
+    0.5 * min + 0.5 * max
 }
 
-/// Poses every skin and writes its `Aabb`, so that culling knows where the mesh is. A pose that is not finite keeps the last box.
+/// This frame's particle transforms of a body with a [`Skin`], or with parts that have one.
+#[derive(Component, Debug)]
+pub struct SkinPose {
+    rig: Arc<Rig>,
+    /// Rest positions of the particles \[m\], relative to the [`middle`].
+    rest: Vec<Vec3>,
+    transforms: Vec<ParticleTransform>,
+}
+
+impl SkinPose {
+    pub(super) fn new(rig: &Arc<Rig>) -> Self {
+        let middle = middle(rig);
+        let rest = rig.particles.iter().map(|particle| particle.position - middle).collect();
+        Self { rig: rig.clone(), rest, transforms: Vec::new() }
+    }
+
+    pub(super) fn is_of(&self, rig: &Arc<Rig>) -> bool {
+        Arc::ptr_eq(&self.rig, rig)
+    }
+
+    /// Into the space of the body's `Transform`, axes parallel to the world's; one a particle. Empty before the first frame.
+    pub fn transforms(&self) -> &[ParticleTransform] {
+        &self.transforms
+    }
+
+    /// Takes the particles as they are; stays as it is if they are not those of the rig.
+    pub(super) fn take(&mut self, pose: &Pose) {
+        let (Some(first), Some(radii)) = (self.rig.particles.first(), pose.particles.radii.first()) else {
+            return;
+        };
+        if pose.particles.len() != self.rest.len() {
+            return;
+        }
+        // The body's scale went into its particles when it was built; the rig's radii are positive.
+        let scale = radii.x / first.radii.x;
+        self.transforms.clear();
+        self.transforms.extend(self.rest.iter().enumerate().map(|(i, &rest)| {
+            let (position, rotation) = pose.particle(i);
+            ParticleTransform::new(position.into(), rotation, scale, rest)
+        }));
+    }
+}
+
+/// What is posed: a body, and the mesh beside it if there is one.
+type Posed<'a> = (&'a Particles, Option<&'a StepStart>, &'a mut SkinPose, Option<(&'a Skin, &'a mut Aabb)>);
+
+/// Poses every body that is skinned and writes its `Aabb`, so that culling knows where the mesh is. A pose that is not finite keeps the last box.
 pub(super) fn pose_skins(
-    mut skins: Query<(&SoftBody, &Particles, Option<&StepStart>, &mut Skin, &mut Aabb)>,
+    mut bodies: Query<Posed, (With<SoftBody>, Or<(With<Skin>, With<SkinParts>)>)>,
     time: Option<Res<Time<Fixed>>>,
     interpolate: Res<Interpolate>,
     mut stats: ResMut<SkinningStats>,
 ) {
     let started = Instant::now();
     let fraction = fraction(&interpolate, time.as_deref());
-    stats.bodies = skins.iter().len();
+    stats.bodies = bodies.iter().len();
     for_each_body(
-        &mut skins,
-        |(_, particles, ..)| COST * particles.len(),
-        |(body, particles, start, mut skin, mut aabb)| {
-            let Skin { shared, transforms, .. } = &mut *skin;
-            pose_particles(transforms, &shared.binding, &body.rig, &Pose::between(particles, start, fraction));
-            if let Some(bounds) = skinned_aabb(&shared.binding, transforms) {
-                *aabb = Aabb::from_min_max(bounds.min, bounds.max);
+        &mut bodies,
+        |(particles, ..)| COST * particles.len(),
+        |(particles, start, mut pose, skin)| {
+            pose.take(&Pose::between(particles, start, fraction));
+            if let Some((skin, mut aabb)) = skin {
+                bound(&mut aabb, skin, &pose);
             }
         },
     );
     stats.pose_time = started.elapsed();
+}
+
+/// The boxes of bodies' parts, after their poses.
+pub(super) fn bound_parts(mut parts: Query<(&SkinPart, &Skin, &mut Aabb)>, poses: Query<&SkinPose>, mut stats: ResMut<SkinningStats>) {
+    let started = Instant::now();
+    for_each_body(
+        &mut parts,
+        |(_, skin, _)| COST * skin.binding().rest_particles().len(),
+        |(part, skin, mut aabb)| {
+            if let Ok(pose) = poses.get(part.body) {
+                bound(&mut aabb, skin, pose);
+            }
+        },
+    );
+    stats.pose_time += started.elapsed();
+}
+
+fn bound(aabb: &mut Aabb, skin: &Skin, pose: &SkinPose) {
+    if let Some(bounds) = skinned_aabb(skin.binding(), &pose.transforms) {
+        *aabb = Aabb::from_min_max(bounds.min, bounds.max);
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,80 @@
+//! Rigs as assets.
+
+use std::sync::Arc;
+
+use bevy::asset::io::Reader;
+use bevy::asset::{Asset, AssetLoader, LoadContext};
+use bevy::prelude::*;
+use bevy::reflect::TypePath;
+use polpo_rig::{Rig, RigError};
+
+use super::build::{Awaiting, Seen, fail, loaded, make_body};
+use super::document::all_of;
+
+/// A rig that was loaded from a `.rig` or a `.rig.ron` file. When the file changes (with Bevy's feature `file_watcher`), or the asset by hand, the bodies made of it are built anew, where they are.
+#[derive(Asset, TypePath, Debug, Clone, Deref)]
+pub struct RigAsset(pub Arc<Rig>);
+
+impl RigAsset {
+    /// A rig made by a program, for `Assets::add`.
+    pub fn new(rig: impl Into<Arc<Rig>>) -> Self {
+        Self(rig.into())
+    }
+}
+
+/// Makes an entity a soft body as soon as the rig is loaded: inserts [`SoftBody`](crate::SoftBody). For one in a mesh of the game's own; [`SoftBodyScene`](crate::SoftBodyScene) brings its meshes along.
+///
+/// Triggers [`SoftBodyReady`](crate::SoftBodyReady), or [`SoftBodyLoadFailed`](crate::SoftBodyLoadFailed). Taking it off leaves the body as it is.
+#[derive(Component, Debug, Clone, PartialEq)]
+#[component(immutable)]
+#[require(Transform)]
+pub struct SoftBodyRig(pub Handle<RigAsset>);
+
+#[derive(TypePath)]
+pub(super) struct RigLoader;
+
+impl AssetLoader for RigLoader {
+    type Asset = RigAsset;
+    type Settings = ();
+    type Error = RigError;
+
+    async fn load(&self, reader: &mut dyn Reader, _: &(), context: &mut LoadContext<'_>) -> Result<RigAsset, RigError> {
+        let name = context.path().to_string();
+        let bytes = all_of(reader).await.map_err(|source| RigError::Io { name: name.clone(), source })?;
+        let is_text = context.path().path().extension().is_some_and(|e| e.eq_ignore_ascii_case("ron"));
+        let rig = if is_text {
+            let text = std::str::from_utf8(&bytes).map_err(|e| RigError::NotARig { name: name.clone(), reason: e.to_string() })?;
+            Rig::from_ron(&name, text)?
+        } else {
+            Rig::from_postcard(&name, &bytes)?
+        };
+        Ok(RigAsset::new(rig))
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &["rig", "rig.ron"]
+    }
+}
+
+pub(super) fn build_rigs(
+    mut commands: Commands,
+    awaiting: Query<(Entity, &SoftBodyRig, Option<&Seen>), With<Awaiting>>,
+    rigs: Res<Assets<RigAsset>>,
+    server: Res<AssetServer>,
+) {
+    for (entity, SoftBodyRig(handle), seen) in &awaiting {
+        let now = Seen { rig: rigs.get(handle).map(|rig| rig.0.clone()), ..default() };
+        if seen.is_some_and(|seen| seen.is(&now)) {
+            commands.entity(entity).try_remove::<Awaiting>();
+            continue;
+        }
+        match loaded(&rigs, handle, &server) {
+            Ok(None) => {}
+            Ok(Some(rig)) => {
+                let rig = rig.0.clone();
+                commands.queue(move |world: &mut World| make_body(world, entity, rig, now));
+            }
+            Err(reason) => fail(&mut commands, entity, now, reason),
+        }
+    }
+}

@@ -35,7 +35,7 @@ pub(crate) fn run(name: &'static str, options: &Options, adapter: Option<String>
         app.add_plugins((
             MinimalPlugins.set(task_pools(options)),
             LogPlugin::default(),
-            AssetPlugin::default(),
+            options.asset_plugin(),
             PolpoRenderPlugin { backend: SkinningBackend::Cpu, ..default() },
         ))
         .init_asset::<Mesh>();
@@ -53,8 +53,16 @@ pub(crate) fn run(name: &'static str, options: &Options, adapter: Option<String>
     let mut last = 0;
     while app.world().resource::<Recorder>().steps() < steps && idle < 100 {
         update(&mut app);
+        if let Some(AppExit::Error(code)) = app.should_exit() {
+            return ExitCode::from(code.get());
+        }
         let done = app.world().resource::<Recorder>().steps();
-        idle = if done == last { idle + 1 } else { 0 };
+        // A scene that waits for its files stops the clock.
+        let waits = app.world().resource::<Time<Virtual>>().is_paused();
+        if waits {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        idle = if done == last && !waits { idle + 1 } else { 0 };
         if adapter.is_some() && done != last {
             pictures.each_step(done, |path| capture(&mut app, path));
         }
@@ -73,6 +81,7 @@ fn add_renderer(app: &mut App, options: &Options) {
     app.add_plugins((
         DefaultPlugins
             .set(task_pools(options))
+            .set(options.asset_plugin())
             .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
             // Every shader is there for the first picture.
             .set(RenderPlugin { synchronous_pipeline_compilation: true, ..default() })

@@ -3,6 +3,7 @@
 //! An example is three lines: parse [`Options`], name the scene, [`run`] it. The harness brings the window or does without, light and camera, the keys, the overlay, the pictures and the
 //! figures.
 
+mod any_mesh;
 mod controls;
 mod drop;
 mod headless;
@@ -18,6 +19,7 @@ mod run;
 mod stage;
 mod windowed;
 
+pub use any_mesh::AnyMeshScene;
 pub use drop::{DropScene, DropSceneError};
 pub use octopus::{OctopusScene, octopus_asset};
 pub use options::Options;

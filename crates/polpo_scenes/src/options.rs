@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use bevy::asset::AssetPlugin;
 use clap::Args;
 
 /// Flags shared by all examples.
@@ -40,6 +41,18 @@ pub struct Options {
     /// Writes figures about the run here, as JSON.
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
+    /// The folder that the scene's assets are in; Bevy's own choice if not given.
+    #[arg(skip)]
+    pub assets: Option<PathBuf>,
+}
+
+impl Options {
+    /// Bevy's assets, from the scene's folder.
+    pub(crate) fn asset_plugin(&self) -> AssetPlugin {
+        let default = AssetPlugin::default();
+        let folder = self.assets.as_ref().map(|folder| folder.display().to_string());
+        AssetPlugin { file_path: folder.unwrap_or(default.file_path.clone()), ..default }
+    }
 }
 
 fn positive(text: &str) -> Result<f32, String> {

@@ -6,7 +6,7 @@ use std::path::Path;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use polpo::render::{SKIN_GPU_TIME, SkinningStats};
-use polpo::{ImplicitGroups, Particles, SoftBody, SolverSettings, StepTimings, state_hash};
+use polpo::{ImplicitGroups, Particles, SoftBody, SoftBodyModel, SoftBodyScene, SolverSettings, StepTimings, state_hash};
 use polpo_rapier::{RapierWorld, penetration};
 use serde::Serialize;
 
@@ -142,15 +142,18 @@ impl Recorder {
             let (Some(particles), Some(transform)) = (body.get::<Particles>(), body.get::<Transform>()) else {
                 continue;
             };
-            let edges = body.get::<SoftBody>().map_or(0, |body| body.rig.edges.len());
+            let rig = body.get::<SoftBody>().map(|body| &body.rig);
+            let edges = rig.map_or(0, |rig| rig.edges.len());
             stats.particles += particles.len();
             stats.edges += edges;
             stats.particles_per_body.push(particles.len());
             stats.edges_per_body.push(edges);
             stats.groups += body.get::<ImplicitGroups>().map_or(0, |groups| groups.len());
-            if let Some(outfit) = body.get::<Outfit>() {
-                stats.vertices += outfit.mesh.positions.len();
-                stats.triangles += outfit.mesh.triangles.len();
+            stats.vertices += rig.map_or(0, |rig| rig.skin.len());
+            let model = body.get::<SoftBodyScene>().zip(world.get_resource::<Assets<SoftBodyModel>>());
+            let model = model.and_then(|(scene, models)| models.get(&scene.model)).map(SoftBodyModel::mesh);
+            if let Some(mesh) = model.or(body.get::<Outfit>().map(|outfit| &outfit.mesh)) {
+                stats.triangles += mesh.triangles.len();
             }
             stats.finite &= particles.is_finite() && transform.is_finite() && !body.contains::<polpo::Frozen>();
             let depth = penetration(particles, transform.translation, &rapier.bodies, &rapier.colliders);

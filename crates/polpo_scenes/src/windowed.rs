@@ -19,7 +19,7 @@ pub(crate) fn run(name: &'static str, options: &Options, adapter: String, build:
     let mut app = App::new();
     let window = Window { title: format!("Polpo · {name}"), resolution: WindowResolution::new(1280, 720), ..default() };
     app.add_plugins((
-        DefaultPlugins.set(task_pools(options)).set(WindowPlugin { primary_window: Some(window), ..default() }),
+        DefaultPlugins.set(task_pools(options)).set(options.asset_plugin()).set(WindowPlugin { primary_window: Some(window), ..default() }),
         RenderDiagnosticsPlugin,
         PolpoRenderPlugin::default(),
         StagePlugin,

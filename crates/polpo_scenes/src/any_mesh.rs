@@ -79,10 +79,8 @@ fn spawn(
     };
     let body = SoftBodyScene::new(loading.0.clone());
     let body = match &scene.rig {
-        Some(recipe) if Path::new(recipe).extension().is_some_and(|e| e == "toml") => {
-            body.with_recipe(assets.load_builder().override_unapproved().load(recipe.clone()))
-        }
-        Some(rig) => body.with_rig(assets.load_builder().override_unapproved().load::<RigAsset>(rig.clone())),
+        Some(recipe) if Path::new(recipe).extension().is_some_and(|e| e == "toml") => body.with_recipe(assets.load(recipe.clone())),
+        Some(rig) => body.with_rig(assets.load::<RigAsset>(rig.clone())),
         None if model.rig().is_ok_and(|rig| rig.is_some()) => body,
         None => body.with_recipe(recipes.add(RecipeAsset(Recipe::with_particles(scene.particles)))),
     };

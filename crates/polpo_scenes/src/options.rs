@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bevy::asset::AssetPlugin;
+use bevy::asset::{AssetPlugin, UnapprovedPathMode};
 use clap::Args;
 
 /// Flags shared by all examples.
@@ -47,11 +47,16 @@ pub struct Options {
 }
 
 impl Options {
-    /// Bevy's assets, from the scene's folder.
+    /// Bevy's assets. Whoever names a folder, named it on the command line, and may name files outside.
     pub(crate) fn asset_plugin(&self) -> AssetPlugin {
-        let default = AssetPlugin::default();
-        let folder = self.assets.as_ref().map(|folder| folder.display().to_string());
-        AssetPlugin { file_path: folder.unwrap_or(default.file_path.clone()), ..default }
+        match &self.assets {
+            None => AssetPlugin::default(),
+            Some(folder) => AssetPlugin {
+                file_path: folder.display().to_string(),
+                unapproved_path_mode: UnapprovedPathMode::Allow,
+                ..AssetPlugin::default()
+            },
+        }
     }
 }
 

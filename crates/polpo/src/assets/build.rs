@@ -33,6 +33,9 @@ pub enum LoadError {
     /// A file could not be read, or is not what it should be. What our own loaders found ([`ModelError`](crate::ModelError) for models, `RigError` for rigs and recipes) is in [`AssetLoadError::AssetLoaderError`].
     #[error("{0}")]
     Asset(Arc<AssetLoadError>),
+    /// A handle is the default one, which nothing was loaded for. Bevy gives it for a path that is not approved, too.
+    #[error("its {0} is the default handle, which nothing was loaded for")]
+    Nothing(&'static str),
     /// The model could not be rigged, or its rig is broken or was made for another mesh.
     #[error("{0}")]
     Rig(Arc<RigError>),
@@ -111,10 +114,16 @@ fn changed<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> Vec<AssetId<A
     events.read().filter_map(of).collect()
 }
 
-/// The asset, or `None` while it loads.
-pub(super) fn loaded<'a, A: Asset>(assets: &'a Assets<A>, handle: &Handle<A>, server: &AssetServer) -> Result<Option<&'a A>, LoadError> {
+/// The asset, or `None` while it loads; `what` it is.
+pub(super) fn loaded<'a, A: Asset>(
+    assets: &'a Assets<A>,
+    handle: &Handle<A>,
+    server: &AssetServer,
+    what: &'static str,
+) -> Result<Option<&'a A>, LoadError> {
     match (assets.get(handle), server.load_state(handle)) {
         (Some(asset), _) => Ok(Some(asset)),
+        (None, _) if handle.id() == AssetId::default() => Err(LoadError::Nothing(what)),
         (None, LoadState::Failed(error)) => Err(LoadError::Asset(error)),
         (None, _) => Ok(None),
     }

@@ -68,7 +68,7 @@ pub(super) fn build_rigs(
             commands.entity(entity).try_remove::<Awaiting>();
             continue;
         }
-        match loaded(&rigs, handle, &server) {
+        match loaded(&rigs, handle, &server, "rig") {
             Ok(None) => {}
             Ok(Some(rig)) => {
                 let rig = rig.0.clone();

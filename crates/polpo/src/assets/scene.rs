@@ -82,11 +82,11 @@ impl SoftBodyScene {
         server: &AssetServer,
         rigging: &mut Rigging,
     ) -> Result<Option<Arc<Rig>>, LoadError> {
-        let Some(model) = loaded(models, &self.model, server)? else { return Ok(None) };
+        let Some(model) = loaded(models, &self.model, server, "model")? else { return Ok(None) };
         let mut made = |recipe: &Recipe| rigging.rig(model, recipe).map_err(LoadError::Rig);
         let rig = match &self.rig {
-            RigSource::Rig(handle) => loaded(rigs, handle, server)?.map(|rig| rig.0.clone()),
-            RigSource::Recipe(handle) => match loaded(recipes, handle, server)? {
+            RigSource::Rig(handle) => loaded(rigs, handle, server, "rig")?.map(|rig| rig.0.clone()),
+            RigSource::Recipe(handle) => match loaded(recipes, handle, server, "recipe")? {
                 Some(recipe) => made(recipe)?,
                 None => None,
             },

@@ -1,6 +1,6 @@
 //! Of the planes found for one particle, those that matter.
 
-use rapier3d::math::Vector;
+use bevy::math::Vec3A;
 
 /// A plane that one particle may have to stay above, relative to the body's origin, as of the start of the step.
 #[derive(Clone, Copy, Debug)]
@@ -11,10 +11,10 @@ pub(crate) struct Candidate {
     pub(crate) distance: f32,
     /// The same as a share of how far the particle reaches towards it: 1 is touch.
     pub(crate) nearness: f32,
-    pub(crate) point: Vector,
-    pub(crate) normal: Vector,
+    pub(crate) point: Vec3A,
+    pub(crate) normal: Vec3A,
     /// How fast the plane turns \[rad/s\].
-    pub(crate) turn: Vector,
+    pub(crate) turn: Vec3A,
     /// Which of the obstacles near the body, and which of its parts.
     pub(crate) obstacle: u32,
     pub(crate) part: u32,
@@ -88,61 +88,61 @@ pub(crate) fn reduce(candidates: &mut Vec<Candidate>, step: f32) {
 mod tests {
     use super::*;
 
-    fn plane(point: Vector, normal: Vector) -> Candidate {
-        let center = Vector::Y;
+    fn plane(point: Vec3A, normal: Vec3A) -> Candidate {
+        let center = Vec3A::Y;
         Candidate {
             when: When::Now,
             distance: normal.dot(center - point),
             nearness: 2.0 * normal.dot(center - point),
             point,
             normal,
-            turn: Vector::ZERO,
+            turn: Vec3A::ZERO,
             obstacle: 0,
             part: 0,
         }
     }
 
     /// The plane by which a particle at (0, 1, 0) sees a point.
-    fn edge(point: Vector) -> Candidate {
-        plane(point, (Vector::Y - point).normalize())
+    fn edge(point: Vec3A) -> Candidate {
+        plane(point, (Vec3A::Y - point).normalize())
     }
 
     #[test]
     fn inner_edges_of_a_flat_floor_go() {
-        let mut list = vec![edge(Vector::new(0.4, 0.0, 0.0)), edge(Vector::new(-0.1, 1e-6, 0.3)), plane(Vector::ZERO, Vector::Y)];
+        let mut list = vec![edge(Vec3A::new(0.4, 0.0, 0.0)), edge(Vec3A::new(-0.1, 1e-6, 0.3)), plane(Vec3A::ZERO, Vec3A::Y)];
         reduce(&mut list, 1e-3);
         assert_eq!(list.len(), 1);
-        assert_eq!(list[0].normal, Vector::Y);
+        assert_eq!(list[0].normal, Vec3A::Y);
     }
 
     #[test]
     fn a_corner_keeps_both_its_sides() {
-        let wall = plane(Vector::new(0.9, 1.0, 0.0), Vector::NEG_X);
-        let mut list = vec![plane(Vector::ZERO, Vector::Y), wall, plane(Vector::new(0.9, 0.0, 0.0), Vector::NEG_X)];
+        let wall = plane(Vec3A::new(0.9, 1.0, 0.0), Vec3A::NEG_X);
+        let mut list = vec![plane(Vec3A::ZERO, Vec3A::Y), wall, plane(Vec3A::new(0.9, 0.0, 0.0), Vec3A::NEG_X)];
         reduce(&mut list, 1e-3);
-        assert_eq!(list.iter().map(|c| c.normal).collect::<Vec<_>>(), [Vector::NEG_X, Vector::Y]);
+        assert_eq!(list.iter().map(|c| c.normal).collect::<Vec<_>>(), [Vec3A::NEG_X, Vec3A::Y]);
     }
 
     #[test]
     fn a_crossed_plane_hides_what_is_behind_it() {
-        let mut crossed = plane(Vector::Y * 1.2, Vector::Y);
+        let mut crossed = plane(Vec3A::Y * 1.2, Vec3A::Y);
         crossed.when = When::Crossed;
         // The same thin floor as seen from below, and its underside.
-        let mut list = vec![plane(Vector::Y * 1.2, Vector::NEG_Y), plane(Vector::Y * 1.1, Vector::NEG_Y), crossed];
+        let mut list = vec![plane(Vec3A::Y * 1.2, Vec3A::NEG_Y), plane(Vec3A::Y * 1.1, Vec3A::NEG_Y), crossed];
         reduce(&mut list, 1e-3);
         assert_eq!(list.len(), 1);
-        assert_eq!(list[0].normal, Vector::Y);
+        assert_eq!(list[0].normal, Vec3A::Y);
     }
 
     /// A neighbour's edge that claims to be deeper than the floor it belongs to.
     #[test]
     fn a_false_edge_goes_although_it_is_more_urgent() {
-        let mut false_edge = edge(Vector::new(0.4, 0.0, 0.0));
+        let mut false_edge = edge(Vec3A::new(0.4, 0.0, 0.0));
         false_edge.nearness = 0.2;
-        let mut list = vec![false_edge, plane(Vector::ZERO, Vector::Y)];
+        let mut list = vec![false_edge, plane(Vec3A::ZERO, Vec3A::Y)];
         reduce(&mut list, 1e-3);
         assert_eq!(list.len(), 1);
-        assert_eq!(list[0].normal, Vector::Y);
+        assert_eq!(list[0].normal, Vec3A::Y);
     }
 
     #[test]
@@ -150,8 +150,8 @@ mod tests {
         let mut list: Vec<Candidate> = (0..9)
             .map(|i| {
                 let a = i as f32 * 0.7;
-                let out = Vector::new(libm::cosf(a), 0.3 * libm::sinf(3.0 * a), libm::sinf(a));
-                plane(Vector::Y + out, -out.normalize())
+                let out = Vec3A::new(libm::cosf(a), 0.3 * libm::sinf(3.0 * a), libm::sinf(a));
+                plane(Vec3A::Y + out, -out.normalize())
             })
             .collect();
         let mut turned = list.clone();

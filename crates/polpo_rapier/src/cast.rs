@@ -1,6 +1,6 @@
 //! The first touch of something that moves on a straight line towards a convex shape.
 
-use rapier3d::math::Vector;
+use bevy::math::Vec3A;
 
 use crate::nearest::Nearest;
 
@@ -14,11 +14,11 @@ use crate::nearest::Nearest;
 ///
 /// A path that begins within the tolerance touches at 0. One that grazes the shape for more than 32 steps is taken to miss it.
 pub(crate) fn cast(
-    from: Vector,
-    to: Vector,
+    from: Vec3A,
+    to: Vec3A,
     tolerance: f32,
     first: (f32, Nearest),
-    look: impl Fn(Vector) -> (f32, Nearest),
+    look: impl Fn(Vec3A) -> (f32, Nearest),
 ) -> Option<(f32, Nearest)> {
     let motion = to - from;
     let mut time = 0.0;
@@ -44,12 +44,13 @@ pub(crate) fn cast(
 mod tests {
     use super::*;
     use crate::nearest::nearest;
+    use bevy::math::Vec3;
     use rapier3d::geometry::{Ball, Cuboid, Cylinder, Shape, Triangle};
 
     const E: f32 = 1e-4;
 
     /// A sphere of `radius` on its way.
-    fn sphere(shape: &dyn Shape, radius: f32, from: Vector, to: Vector) -> Option<(f32, Nearest)> {
+    fn sphere(shape: &dyn Shape, radius: f32, from: Vec3A, to: Vec3A) -> Option<(f32, Nearest)> {
         let look = |at| {
             let here = nearest(shape, at);
             (here.distance - radius, here)
@@ -59,32 +60,32 @@ mod tests {
 
     #[test]
     fn a_point_meets_a_wall_where_it_stands() {
-        let wall = Cuboid::new(Vector::new(0.1, 5.0, 5.0));
-        let (time, hit) = sphere(&wall, 0.0, Vector::new(-1.0, 0.2, 0.0), Vector::new(1.0, 0.4, 0.0)).unwrap();
-        assert!((time - 0.45).abs() < E && (hit.normal - Vector::NEG_X).length() < 1e-5, "{time} {hit:?}");
+        let wall = Cuboid::new(Vec3::new(0.1, 5.0, 5.0));
+        let (time, hit) = sphere(&wall, 0.0, Vec3A::new(-1.0, 0.2, 0.0), Vec3A::new(1.0, 0.4, 0.0)).unwrap();
+        assert!((time - 0.45).abs() < E && (hit.normal - Vec3A::NEG_X).length() < 1e-5, "{time} {hit:?}");
     }
 
     #[test]
     fn a_sphere_meets_a_ball_when_the_radii_add_up() {
-        let (time, hit) = sphere(&Ball::new(1.0), 0.5, Vector::new(-4.0, 0.5, 0.0), Vector::new(4.0, 0.5, 0.0)).unwrap();
+        let (time, hit) = sphere(&Ball::new(1.0), 0.5, Vec3A::new(-4.0, 0.5, 0.0), Vec3A::new(4.0, 0.5, 0.0)).unwrap();
         let x = -(1.5f32 * 1.5 - 0.25).sqrt();
         assert!((time - (x + 4.0) / 8.0).abs() < E, "{time}");
-        assert!((hit.normal - Vector::new(x, 0.5, 0.0) / 1.5).length() < 1e-3, "{hit:?}");
+        assert!((hit.normal - Vec3A::new(x, 0.5, 0.0) / 1.5).length() < 1e-3, "{hit:?}");
     }
 
     #[test]
     fn a_near_miss_is_a_miss() {
-        assert!(sphere(&Ball::new(1.0), 0.5, Vector::new(-4.0, 1.51, 0.0), Vector::new(4.0, 1.51, 0.0)).is_none());
-        assert!(sphere(&Cylinder::new(1.0, 1.0), 0.5, Vector::new(0.0, 3.0, 0.0), Vector::new(0.0, 1.6, 0.0)).is_none());
+        assert!(sphere(&Ball::new(1.0), 0.5, Vec3A::new(-4.0, 1.51, 0.0), Vec3A::new(4.0, 1.51, 0.0)).is_none());
+        assert!(sphere(&Cylinder::new(1.0, 1.0), 0.5, Vec3A::new(0.0, 3.0, 0.0), Vec3A::new(0.0, 1.6, 0.0)).is_none());
     }
 
     #[test]
     fn a_triangle_is_met_on_the_side_one_comes_from() {
-        let triangle = Triangle::new(Vector::new(-100.0, 0.0, 100.0), Vector::new(100.0, 0.0, 100.0), Vector::new(0.0, 0.0, -100.0));
+        let triangle = Triangle::new(Vec3::new(-100.0, 0.0, 100.0), Vec3::new(100.0, 0.0, 100.0), Vec3::new(0.0, 0.0, -100.0));
         for y in [0.5, -0.5] {
-            let (_, hit) = sphere(&triangle, 0.0, Vector::new(30.0, y, 40.0), Vector::new(30.1, -y, 40.0)).unwrap();
+            let (_, hit) = sphere(&triangle, 0.0, Vec3A::new(30.0, y, 40.0), Vec3A::new(30.1, -y, 40.0)).unwrap();
             assert!(hit.normal.y * y > 0.4999, "{hit:?}");
         }
-        assert!(sphere(&triangle, 0.0, Vector::new(30.0, f32::NAN, 40.0), Vector::ZERO).is_none());
+        assert!(sphere(&triangle, 0.0, Vec3A::new(30.0, f32::NAN, 40.0), Vec3A::ZERO).is_none());
     }
 }

@@ -2,16 +2,14 @@
 
 use bevy::math::Vec3A;
 use polpo_solver::{Contact, Contacts, Ellipsoid, FreePositions, Particles};
-use rapier3d::geometry::{BoundingVolume, ColliderSet, Group, InteractionGroups, InteractionTestMode, Shape};
-use rapier3d::math::{Pose, Vector};
-use rapier3d::parry::bounding_volume::Aabb;
+use rapier3d::geometry::{ColliderSet, Group, InteractionGroups, InteractionTestMode};
+use rapier3d::math::Vector;
 
+use crate::ask::Ask;
 use crate::candidates::{Candidate, When, reduce};
 use crate::last_look::{LastLook, Seen};
-use crate::nearest::{Nearest, nearest};
-use crate::obstacles::{Frame, Obstacle, Obstacles};
-use crate::parts::{is_one_sided, visit_parts, way_out};
-use crate::probe::{Finding, Probe};
+use crate::obstacles::{Frame, Obstacles, slop};
+use crate::probe::Probe;
 
 /// A body as the detection sees it.
 #[derive(Clone, Copy, Debug)]
@@ -48,8 +46,10 @@ pub struct DetectionInput<'a> {
 #[derive(Debug, Default)]
 pub struct ContactDetector {
     near: Vec<Near>,
+    /// How far each particle will go in the step if nothing holds it.
+    ways: Vec<Vec3A>,
     /// How far the fastest particle will go in the step.
-    rush: Vector,
+    rush: Vec3A,
     candidates: Vec<Candidate>,
     /// For each contact found last, the index of its obstacle.
     pub(crate) sources: Vec<u32>,
@@ -69,6 +69,8 @@ pub struct ContactDetector {
 struct Near {
     index: u32,
     frames: [Frame; 3],
+    /// The box within which it is in this step, relative to the body's origin.
+    bounds: [Vec3A; 2],
 }
 
 /// Gaps up to this share of the largest radius count as near. Wider, and the plane at an edge becomes a ghost wall beside it; narrower, and neighbours push particles in before it is seen.
@@ -77,8 +79,6 @@ const SLACK: f32 = 0.5;
 const STILL: f32 = 0.1;
 /// What rises above a plane by less than this share of the smallest radius belongs to it.
 const FLUSH: f32 = 0.02;
-/// A centre deeper under a height field than this many largest radii is taken to be meant to be there.
-const GROUND: f32 = 4.0;
 
 /// Room for a particle's planes from the start: more than it has among a few colliders. Among many parts of a mesh the list grows.
 const ROOM: usize = 32;
@@ -110,15 +110,15 @@ impl ContactDetector {
         self.gather_near(body, obstacles, &free.position);
         self.astir = self.near.iter().any(|near| obstacles.list[near.index as usize].moves());
         if self.near.is_empty() {
-            self.seen.extend((0..p.len()).map(|i| Seen::new(p, i, way(body, i))));
+            self.seen.extend((0..p.len()).map(|i| Seen::new(p, i, self.ways[i])));
             for (free, x) in free.position.iter_mut().zip(&p.position) {
                 *free = (*x).into();
             }
             return;
         }
         for i in 0..p.len() {
-            let ahead = self.find(body, i, obstacles, colliders, Some(free.position[i]));
-            let mut seen = Seen::new(p, i, way(body, i));
+            let ahead = self.find(body, i, obstacles, colliders, Some(free.position[i].into()));
+            let mut seen = Seen::new(p, i, self.ways[i]);
             seen.share = ahead;
             for found in &self.candidates {
                 match found.when {
@@ -129,24 +129,25 @@ impl ContactDetector {
                 }
             }
             self.seen.push(seen);
-            let now = Vector::from(p.position[i]);
+            let now = p.position[i];
             free.position[i] = match self.candidates.first() {
                 // Not where it came from but above where it is now: it may slide on under the surface, past other triangles.
                 Some(plane) if plane.when == When::Crossed => now + plane.normal * (0.5 * p.radii[i].min_element() - plane.distance),
                 _ => now,
-            };
+            }
+            .into();
             let friction = body.frictions.get(i).copied().unwrap_or(body.friction);
             for found in &self.candidates {
-                let Near { index, frames: [frame, ..] } = self.near[found.obstacle as usize];
+                let Near { index, frames: [frame, ..], .. } = self.near[found.obstacle as usize];
                 let obstacle = &obstacles.list[index as usize];
                 self.sources.push(index);
                 contacts.list.push(Contact {
                     particle: i as u32,
                     friction: obstacle.friction_with(friction),
-                    point: found.point.into(),
-                    normal: found.normal.into(),
-                    velocity: obstacle.plane_velocity(found.point, found.normal, &frame, body.dt).into(),
-                    angular_velocity: found.turn.into(),
+                    point: found.point,
+                    normal: found.normal,
+                    velocity: obstacle.plane_velocity(found.point, found.normal, &frame, body.dt),
+                    angular_velocity: found.turn,
                     impulse: 0.0,
                 });
             }
@@ -163,7 +164,7 @@ impl ContactDetector {
                 self.find(body, i, obstacles, colliders, None);
                 let ellipsoid = body.particles.ellipsoid(i);
                 for found in &self.candidates {
-                    deepest = deepest.max(ellipsoid.support(found.normal.into()).0 - found.distance);
+                    deepest = deepest.max(ellipsoid.support(found.normal).0 - found.distance);
                 }
             }
         }
@@ -173,26 +174,29 @@ impl ContactDetector {
     /// The obstacles that the body's box meets, grown by its motion, into `self.near`.
     fn gather_near(&mut self, body: &DetectionInput, obstacles: &Obstacles, free: &[Vector]) {
         self.near.clear();
-        self.rush = Vector::ZERO;
+        self.rush = Vec3A::ZERO;
         let p = body.particles;
-        for i in 0..p.len() {
-            let way = way(body, i);
+        self.ways.clear();
+        self.ways.reserve_exact(p.len());
+        let gain = Vec3A::from(body.acceleration) * body.dt;
+        self.ways.extend(p.velocity.iter().map(|v| (*v + gain) * body.dt));
+        for way in &self.ways {
             if way.length_squared() > self.rush.length_squared() {
-                self.rush = way;
+                self.rush = *way;
             }
         }
-        let (mut mins, mut maxs) = (Vector::INFINITY, Vector::NEG_INFINITY);
+        let (mut mins, mut maxs) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for i in 0..p.len() {
             let reach = (1.0 + SLACK) * p.radii[i].max_element();
-            let now = Vector::from(p.position[i]);
-            let end = now + way(body, i);
+            let now = p.position[i];
+            let end = now + self.ways[i];
             let rush = now + self.rush;
             mins = mins.min(now.min(end).min(rush) - reach);
             maxs = maxs.max(now.max(end).max(rush) + reach);
         }
         for at in free {
-            mins = mins.min(*at);
-            maxs = maxs.max(*at);
+            mins = mins.min((*at).into());
+            maxs = maxs.max((*at).into());
         }
         // Also false for a body without particles.
         if !(mins.is_finite() && maxs.is_finite()) {
@@ -200,25 +204,26 @@ impl ContactDetector {
         }
         let layers = layers(body.memberships, body.filter);
         for (index, obstacle) in obstacles.list.iter().enumerate() {
-            if obstacle.meets(mins, maxs, body.origin) && obstacle.lets_meet(layers) {
-                self.near.push(Near { index: index as u32, frames: obstacle.frames(body.origin, body.dt) });
+            if obstacle.meets(mins.into(), maxs.into(), body.origin) && obstacle.lets_meet(layers) {
+                let frames = obstacle.frames(body.origin, body.dt);
+                let bounds = obstacle.bounds_from(body.origin);
+                self.near.push(Near { index: index as u32, frames, bounds });
             }
         }
     }
 
     /// The planes of particle `i`, reduced, into `self.candidates`. Returns after which share of the step it meets the first that is ahead, kept or not; 1 if none is.
-    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vector>) -> f32 {
+    fn find(&mut self, body: &DetectionInput, i: usize, obstacles: &Obstacles, colliders: &ColliderSet, free: Option<Vec3A>) -> f32 {
         self.candidates.clear();
         let p = body.particles;
-        let now = Vector::from(p.position[i]);
-        let end = now + way(body, i);
-        let ellipsoid = p.ellipsoid(i);
-        let (bound, least) = (ellipsoid.bound(), ellipsoid.radii.min_element());
-        let slack = SLACK * bound;
-        if !(end.is_finite() && ellipsoid.orientation.is_finite()) {
+        let (now, way) = (p.position[i], self.ways[i]);
+        let end = now + way;
+        if !end.is_finite() {
             return 1.0;
         }
-        let reach = Vector::splat(bound + slack);
+        let (bound, least) = (p.radii[i].max_element(), p.radii[i].min_element());
+        let slack = SLACK * bound;
+        let reach = Vec3A::splat(bound + slack);
         // Not where it goes by itself, but where those that still fly will press it when their body comes down.
         let rush = Some(now + self.rush).filter(|at| at.distance(end) > slack);
         let (mut mins, mut maxs) = (now.min(end) - reach, now.max(end) + reach);
@@ -230,19 +235,25 @@ impl ContactDetector {
             mins = mins.min(at);
             maxs = maxs.max(at);
         }
-        for (near, &Near { index, frames: [frame, frame_at_end, frame_before] }) in self.near.iter().enumerate() {
-            let obstacle = &obstacles.list[index as usize];
-            let Some(collider) = colliders.get(obstacle.handle).filter(|_| obstacle.meets(mins, maxs, body.origin)) else {
-                continue;
-            };
+        let slop = slop(body.origin);
+        let (mins, maxs) = (mins - slop, maxs + slop);
+        let meets = |near: &Near| near.bounds[0].cmple(maxs).all() && near.bounds[1].cmpge(mins).all();
+        // Most particles are not near anything.
+        let Some(first) = self.near.iter().position(meets) else { return 1.0 };
+        let ellipsoid = p.ellipsoid(i);
+        if !ellipsoid.orientation.is_finite() {
+            return 1.0;
+        }
+        for (near, it) in self.near.iter().enumerate().skip(first).filter(|(_, near)| meets(near)) {
+            let [frame, frame_at_end, frame_before] = &it.frames;
+            let obstacle = &obstacles.list[it.index as usize];
+            let Some(collider) = colliders.get(obstacle.handle) else { continue };
             let local_now = frame.inside(now);
-            let local_end = frame_at_end.inside(end);
-            let local_free = free.map(|at| frame_before.inside(at));
+            let moves = |at: &Vec3A| at.distance(local_now) > STILL * least && body.dt > 0.0;
             let probe = Probe {
                 now: local_now,
-                ends: [Some(local_end), rush.map(|at| frame_at_end.inside(at))]
-                    .map(|end| end.filter(|at| at.distance(local_now) > STILL * least && body.dt > 0.0)),
-                free: local_free.filter(|at| at.distance(local_now) > 1e-3 * least),
+                ends: [Some(frame_at_end.inside(end)).filter(moves), rush.map(|at| frame_at_end.inside(at)).filter(moves)],
+                free: free.map(|at| frame_before.inside(at)).filter(|at| at.distance(local_now) > 1e-3 * least),
                 ellipsoid: Ellipsoid { orientation: frame.rotation.inverse() * ellipsoid.orientation, ..ellipsoid },
                 round: bound == least,
                 bound,
@@ -250,9 +261,7 @@ impl ContactDetector {
                 slack,
                 inside: false,
             };
-            let relative = way(body, i) - obstacle.velocity_now_at(now, &frame) * body.dt;
-            let ask =
-                Ask { near: near as u32, obstacle, frame, dt: body.dt, step: frame.rotation.inverse() * relative, shape: collider.shape() };
+            let ask = Ask { near: near as u32, obstacle, shape: collider.shape(), frame: *frame, dt: body.dt, now, way };
             ask.collect(probe, &mut self.candidates);
         }
         let ahead = self.candidates.iter().filter_map(|c| if let When::Later(share) = c.when { Some(share) } else { None });
@@ -277,93 +286,4 @@ pub(crate) fn bounds_of(position: &[Vec3A], radii: &[Vec3A]) -> Option<(Vector, 
         maxs = maxs.max(x + reach);
     }
     (mins.is_finite() && maxs.is_finite()).then_some((mins, maxs))
-}
-
-/// How far particle `i` will go in this step if nothing holds it.
-fn way(body: &DetectionInput, i: usize) -> Vector {
-    (Vector::from(body.particles.velocity[i]) + body.acceleration * body.dt) * body.dt
-}
-
-/// One obstacle, asked for the planes of one particle.
-struct Ask<'a> {
-    near: u32,
-    obstacle: &'a Obstacle,
-    frame: Frame,
-    dt: f32,
-    /// The particle's motion relative to the obstacle's material in this step, by their velocities now, in the obstacle's axes. (The way between the end points of a turn is shorter and points
-    /// inwards, which would tilt the planes of fast wheels.)
-    step: Vector,
-    shape: &'a dyn Shape,
-}
-
-impl Ask<'_> {
-    fn collect(&self, mut probe: Probe, out: &mut Vec<Candidate>) {
-        let (mut mins, mut maxs) = (probe.now, probe.now);
-        for at in probe.ends.into_iter().chain([probe.free]).flatten() {
-            mins = mins.min(at);
-            maxs = maxs.max(at);
-        }
-        let reach = Vector::splat(probe.bound + probe.slack);
-        let bounds = Aabb::new(mins - reach, maxs + reach);
-        if !self.obstacle.local_bounds.intersects(&bounds) {
-            return;
-        }
-        let travelled = probe.free.map_or(0.0, |at| at.distance(probe.now));
-        let one_sided = is_one_sided(self.shape);
-        let out_there = way_out(self.shape, probe.now, GROUND * probe.bound + travelled);
-        probe.inside = out_there.is_some();
-        let mut keep = |when, part, plane: Nearest, turn| {
-            let distance = plane.normal.dot(probe.now - plane.point);
-            out.push(Candidate {
-                when,
-                distance,
-                nearness: distance / probe.support(plane.normal),
-                point: self.frame.outside(plane.point),
-                normal: self.frame.rotation * plane.normal,
-                turn,
-                obstacle: self.near,
-                part,
-            });
-        };
-        let rigid = self.obstacle.angular_velocity;
-        if let Some(plane) = out_there {
-            keep(When::Now, u32::MAX, plane, rigid);
-        }
-        visit_parts(self.shape, &bounds, &mut |part, pose, shape| {
-            probe.ask(shape, pose, |found| match found {
-                Finding::Near(plane) => {
-                    let still = rigid == Vector::ZERO;
-                    let turn = if still { rigid } else { self.turn(&probe, plane.normal, shape, pose) };
-                    keep(When::Now, part, plane, turn);
-                }
-                Finding::Ahead(time, plane) => keep(When::Later(time), part, plane, rigid),
-                // Through the ground from below is a way out, not in.
-                Finding::Crossed(plane) if one_sided && shape.as_triangle().is_some_and(|t| t.scaled_normal().dot(plane.normal) < 0.0) => {}
-                Finding::Crossed(plane) => keep(When::Crossed, part, plane, rigid),
-            });
-        });
-    }
-
-    /// How fast the plane with `normal` (in the obstacle's axes) turns for this particle [rad/s].
-    ///
-    /// A flat face turns as the obstacle does. A rolling wheel's tangent plane does not: its material goes round, its shape stays. With δ the particle's motion relative to the obstacle, the normal
-    /// that the particle sees changes by n(x + δ) − n(x) in the obstacle's axes, on top of ω × n; the change is taken over a part of δ so short that it stays on the same face. The spin about the
-    /// normal, ω·n, is the obstacle's own.
-    fn turn(&self, probe: &Probe, normal: Vector, shape: &dyn Shape, pose: Option<&Pose>) -> Vector {
-        let rigid = self.obstacle.angular_velocity;
-        let length = self.step.length();
-        if length <= 0.0 || self.dt <= 0.0 {
-            return rigid;
-        }
-        let share = (0.1 * probe.least / length).min(1.0);
-        let seen_from = |at: Vector| match pose {
-            Some(pose) => pose.rotation * nearest(shape, pose.inverse_transform_point(at)).normal,
-            None => nearest(shape, at).normal,
-        };
-        let change = (seen_from(probe.now + self.step * share) - seen_from(probe.now)) / (share * self.dt);
-        let n = self.frame.rotation * normal;
-        let turn = n.cross(rigid.cross(n) + self.frame.rotation * change) + n * rigid.dot(n);
-        // A jump to another face is not a turn.
-        if turn.length_squared() <= 4.0 * rigid.length_squared() { turn } else { rigid }
-    }
 }

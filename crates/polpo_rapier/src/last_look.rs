@@ -10,6 +10,7 @@
 //! What begins inside a part is not held by that part, but by all others. A surface with one good side holds only what comes from there.
 
 use bevy::ecs::batching::BatchingStrategy;
+use bevy::math::Vec3A;
 use bevy::prelude::*;
 use polpo::{Awake, Collision, ExplicitState, SubstepTime};
 use polpo_solver::{Particles, land_explicit_groups};
@@ -24,6 +25,7 @@ use crate::nearest::nearest;
 use crate::obstacles::Obstacles;
 use crate::parts::{is_one_sided, visit_parts};
 use crate::plugin::{Detector, Surroundings};
+use crate::probe::into_part;
 use crate::push::Pushing;
 use crate::{ContactDetector, PushRigidBodies, RapierWorld};
 
@@ -106,8 +108,8 @@ pub(crate) fn last_look(
 /// What the detection foresaw of a particle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seen {
-    from: Vector,
-    way: Vector,
+    from: Vec3A,
+    way: Vec3A,
     /// 1/|way|² \[1/m²\]; 0 for one that goes nowhere.
     per_square: f32,
     /// The share of the way up to the first plane on it: what comes behind may not have been seen.
@@ -120,14 +122,14 @@ pub(crate) struct Seen {
 
 impl Seen {
     /// Particle `i` is about to go `way`.
-    pub(crate) fn new(p: &Particles, i: usize, way: Vector) -> Self {
+    pub(crate) fn new(p: &Particles, i: usize, way: Vec3A) -> Self {
         let square = way.length_squared();
         let per_square = if square.is_normal() { 1.0 / square } else { 0.0 };
-        Self { from: p.position[i].into(), way, per_square, share: 1.0, margin: p.radii[i].min_element(), returning: None }
+        Self { from: p.position[i], way, per_square, share: 1.0, margin: p.radii[i].min_element(), returning: None }
     }
 
     /// Whether `at` is so near to the way that nothing unseen can be there. While nothing moves it may be there at any time, else only at `time`, as a share of the step.
-    fn covers(&self, at: Vector, time: Option<f32>) -> bool {
+    fn covers(&self, at: Vec3A, time: Option<f32>) -> bool {
         let ahead = at - self.from;
         let along = time.unwrap_or(ahead.dot(self.way) * self.per_square);
         let off = ahead.distance_squared(self.way * along.clamp(0.0, self.share));
@@ -153,7 +155,7 @@ struct Look<'a> {
 /// A straight way between two moments, in seconds from the step's start.
 #[derive(Clone, Copy, Debug)]
 struct Way {
-    places: [Vector; 2],
+    places: [Vec3A; 2],
     times: [f32; 2],
     /// The particle's smallest radius \[m\], and what it is on its way back through.
     least: f32,
@@ -166,8 +168,8 @@ struct Entry {
     /// After this share of the way.
     share: f32,
     /// There, in the obstacle's axes: the centre, just outside, and the surface's normal.
-    place: Vector,
-    normal: Vector,
+    place: Vec3A,
+    normal: Vec3A,
     obstacle: u32,
 }
 
@@ -184,11 +186,11 @@ impl ContactDetector {
         }
         let end = look.begin + look.dt;
         let time = self.astir.then_some(end / look.step);
-        let (mut mins, mut maxs) = (Vector::INFINITY, Vector::NEG_INFINITY);
+        let (mut mins, mut maxs) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         let mut longest = 0.0f32;
         self.strayed.clear();
         for (i, seen) in self.seen.iter().enumerate() {
-            let [from, to] = [p.previous_position[i], p.position[i]].map(Vector::from);
+            let [from, to] = [p.previous_position[i], p.position[i]];
             if !seen.covers(to, time) && p.inverse_mass[i] > 0.0 && from.is_finite() && to.is_finite() {
                 self.strayed.push(i as u32);
                 mins = mins.min(from).min(to);
@@ -204,7 +206,7 @@ impl ContactDetector {
         self.met.clear();
         self.met.extend((0u32..).zip(&obstacles.list).filter_map(|(index, obstacle)| {
             let counts = obstacle.lets_meet(look.layers) && obstacle.body.is_none_or(|body| !look.spared.contains(&body));
-            (counts && obstacle.meets(mins, maxs, look.origin)).then_some(index)
+            (counts && obstacle.meets(mins.into(), maxs.into(), look.origin)).then_some(index)
         }));
         if self.met.is_empty() {
             return false;
@@ -213,12 +215,12 @@ impl ContactDetector {
         for k in 0..self.strayed.len() {
             let i = self.strayed[k] as usize;
             let mut way = Way {
-                places: [p.previous_position[i], p.position[i]].map(Vector::from),
+                places: [p.previous_position[i], p.position[i]],
                 times: [look.begin, end],
                 least: p.radii[i].min_element(),
                 returning: self.seen[i].returning,
             };
-            let mut velocity = Vector::from(p.velocity[i]);
+            let mut velocity = p.velocity[i];
             let mut caught = false;
             for surface in 1..=SURFACES {
                 let Some(entry) = self.first_entry(&way, look, obstacles, colliders) else { break };
@@ -244,8 +246,8 @@ impl ContactDetector {
                 }
             }
             if caught && way.places[1].is_finite() && velocity.is_finite() {
-                p.position[i] = way.places[1].into();
-                p.velocity[i] = velocity.into();
+                p.position[i] = way.places[1];
+                p.velocity[i] = velocity;
                 self.looked.put_back += 1;
                 any = true;
             }
@@ -263,14 +265,14 @@ impl ContactDetector {
             let [from, to] = [0, 1].map(|k| obstacle.frame_at(look.origin, way.times[k]).inside(way.places[k]));
             // Also what floats resolve so far from the shape's origin.
             let off = (OFF * way.least).max(4e-7 * from.abs().max(to.abs()).max_element());
-            let bounds = Aabb::new(from.min(to) - off, from.max(to) + off);
+            let bounds = Aabb::new((from.min(to) - off).into(), (from.max(to) + off).into());
             if !obstacle.local_bounds.intersects(&bounds) {
                 continue;
             }
             let one_sided = is_one_sided(shape);
             let casts = &mut self.looked.casts;
             visit_parts(shape, &bounds, &mut |_, pose, part| {
-                let [begin, end] = [from, to].map(|at| pose.map_or(at, |pose| pose.inverse_transform_point(at)));
+                let [begin, end] = [from, to].map(|at| pose.map_or(at, |pose| into_part(pose, at)));
                 let here = nearest(part, begin);
                 // What begins inside does not go in.
                 if !here.is_finite() || here.distance < 0.0 || here.distance > off + begin.distance(end) {
@@ -283,7 +285,7 @@ impl ContactDetector {
                 };
                 let Some((share, hit)) = cast(begin, end, off, (here.distance, here), point) else { return };
                 let leaves = hit.normal.dot(end - hit.point) >= 0.5 * off || hit.normal.dot(end - begin) >= 0.0;
-                let from_behind = one_sided && part.as_triangle().is_some_and(|t| t.scaled_normal().dot(hit.normal) < 0.0);
+                let from_behind = one_sided && part.as_triangle().is_some_and(|t| Vec3A::from(t.scaled_normal()).dot(hit.normal) < 0.0);
                 if !leaves && !from_behind && first.is_none_or(|first| share < first.share) {
                     let normal = pose.map_or(hit.normal, |pose| pose.rotation * hit.normal);
                     first = Some(Entry { share, place: from + (to - from) * share, normal, obstacle: index });

@@ -28,8 +28,10 @@
 //! - A centre that begins a substep inside a collider is not held by that one. What passes through a thin thing all the same, because a pin or the game takes it there, is brought back by its memory
 //!   (`polpo::ContactMemory`), at the body's push speed.
 
+mod ask;
 mod candidates;
 mod cast;
+mod convex;
 mod detect;
 mod follower;
 mod last_look;

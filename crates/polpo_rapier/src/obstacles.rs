@@ -1,5 +1,6 @@
 //! A snapshot of Rapier's colliders at the start of a step: where each is, how it moves, how it rubs.
 
+use bevy::math::Vec3A;
 use polpo_solver::{quat_exp, quat_log};
 use rapier3d::dynamics::{CoefficientCombineRule, RigidBody, RigidBodyHandle, RigidBodySet, RigidBodyType};
 use rapier3d::geometry::{Collider, ColliderHandle, ColliderSet, InteractionGroups, SharedShape, TypedShape};
@@ -75,16 +76,16 @@ fn no_shape() -> SharedShape {
 /// An obstacle's axes at one moment, relative to a body's origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
-    pub(crate) translation: Vector,
+    pub(crate) translation: Vec3A,
     pub(crate) rotation: Rotation,
 }
 
 impl Frame {
-    pub(crate) fn inside(&self, at: Vector) -> Vector {
+    pub(crate) fn inside(&self, at: Vec3A) -> Vec3A {
         self.rotation.inverse() * (at - self.translation)
     }
 
-    pub(crate) fn outside(&self, at: Vector) -> Vector {
+    pub(crate) fn outside(&self, at: Vec3A) -> Vec3A {
         self.rotation * at + self.translation
     }
 }
@@ -275,13 +276,13 @@ impl Obstacle {
     /// The difference of two places far out is exact; only then is it rotated and added to.
     pub(crate) fn frames(&self, origin: Vector, dt: f32) -> [Frame; 3] {
         let [now, end] = [0.0, dt].map(|time| self.frame_at(origin, time));
-        [now, end, Frame { translation: now.translation - self.last_way, rotation: turned(now.rotation, -self.last_turn) }]
+        [now, end, Frame { translation: now.translation - Vec3A::from(self.last_way), rotation: turned(now.rotation, -self.last_turn) }]
     }
 
     /// Where it is `time` \[s\] after the step's start, relative to `origin`.
     pub(crate) fn frame_at(&self, origin: Vector, time: f32) -> Frame {
         Frame {
-            translation: (self.anchor - origin) + self.offset + self.velocity * time,
+            translation: ((self.anchor - origin) + self.offset + self.velocity * time).into(),
             rotation: turned(self.rotation, self.angular_velocity * time),
         }
     }
@@ -290,23 +291,29 @@ impl Obstacle {
     ///
     /// Along the plane it is the way from where the material is to where it will be, divided by `dt`: a particle that followed the tangent step by step would creep out of a turntable by r(ωΔt)²/2 a
     /// step. Along the normal it is the material's velocity now, which is also the surface's: the chord of a wheel points inwards, its surface stays.
-    pub(crate) fn plane_velocity(&self, at: Vector, n: Vector, frame: &Frame, dt: f32) -> Vector {
+    pub(crate) fn plane_velocity(&self, at: Vec3A, n: Vec3A, frame: &Frame, dt: f32) -> Vec3A {
+        let velocity = Vec3A::from(self.velocity);
         if self.angular_velocity == Vector::ZERO || dt <= 0.0 {
-            return self.velocity;
+            return velocity;
         }
         let arm = at - frame.translation;
-        let way = self.velocity + (quat_exp((self.angular_velocity * dt).into()) * arm - arm) / dt;
+        let way = velocity + (quat_exp((self.angular_velocity * dt).into()) * arm - arm) / dt;
         way + n * n.dot(self.velocity_now_at(at, frame) - way)
     }
 
     /// The velocity of its material at `at` at this moment \[m/s\].
-    pub(crate) fn velocity_now_at(&self, at: Vector, frame: &Frame) -> Vector {
-        self.velocity_now + self.angular_velocity.cross(at - frame.translation)
+    pub(crate) fn velocity_now_at(&self, at: Vec3A, frame: &Frame) -> Vec3A {
+        Vec3A::from(self.velocity_now) + Vec3A::from(self.angular_velocity).cross(at - frame.translation)
     }
 
     /// Whether it may come near the box `mins` … `maxs`, relative to `origin`, in this step.
     pub(crate) fn meets(&self, mins: Vector, maxs: Vector, origin: Vector) -> bool {
         near(&self.bounds, mins, maxs, origin)
+    }
+
+    /// The box within which it is in this step, relative to `origin`, but for [`slop`].
+    pub(crate) fn bounds_from(&self, origin: Vector) -> [Vec3A; 2] {
+        [self.bounds.mins, self.bounds.maxs].map(|corner| (corner - origin).into())
     }
 
     /// Whether both the layers in which Rapier looks for contacts and those in which it acts on them let a body with these `layers` through.
@@ -339,10 +346,15 @@ fn reach(bounds: &Aabb) -> f32 {
     bounds.mins.abs().max(bounds.maxs.abs()).length().min(f32::MAX)
 }
 
-/// Whether the boxes meet; `mins` … `maxs` is relative to `origin`. Far out the world's floats are coarse; the box grows by a few of their steps.
+/// Whether the boxes meet; `mins` … `maxs` is relative to `origin`. The box grows by the [`slop`].
 fn near(bounds: &Aabb, mins: Vector, maxs: Vector, origin: Vector) -> bool {
-    let slop = 1e-6 * origin.abs().max_element();
+    let slop = slop(origin);
     (bounds.mins - origin).cmple(maxs + slop).all() && (bounds.maxs - origin).cmpge(mins - slop).all()
+}
+
+/// A few steps of the world's floats at `origin`, which are coarse far out \[m\].
+pub(crate) fn slop(origin: Vector) -> f32 {
+    1e-6 * origin.abs().max_element()
 }
 
 fn let_meet(own: &[InteractionGroups; 2], layers: InteractionGroups) -> bool {
@@ -408,10 +420,10 @@ mod tests {
         let obstacle = &obstacles.list[0];
         assert!((obstacle.angular_velocity - Vector::new(0.0, 0.3 / DT, 0.0)).length() < 1e-3);
         let [now, end, _] = obstacle.frames(Vector::new(1.0, 2.0, 3.0), DT);
-        assert!((now.translation - Vector::new(0.5, 0.0, 0.0)).length() < 1e-6);
+        assert!((now.translation - Vec3A::new(0.5, 0.0, 0.0)).length() < 1e-6);
         let rim = Vector::new(0.1 + 0.5 * libm::cosf(0.3), 0.0, -0.5 * libm::sinf(0.3));
-        assert!((end.translation - rim).length() < 1e-5, "{} against {rim}", end.translation);
-        assert!((end.inside(end.outside(Vector::ONE)) - Vector::ONE).length() < 1e-5);
+        assert!((end.translation - Vec3A::from(rim)).length() < 1e-5, "{} against {rim}", end.translation);
+        assert!((end.inside(end.outside(Vec3A::ONE)) - Vec3A::ONE).length() < 1e-5);
     }
 
     #[test]
@@ -423,9 +435,9 @@ mod tests {
         );
         let obstacle = &obstacles.list[0];
         let [now, ..] = obstacle.frames(Vector::ZERO, DT);
-        assert!((obstacle.velocity_now_at(Vector::X * 0.5, &now) - Vector::new(1.0, 0.0, -1.0)).length() < 1e-6);
+        assert!((obstacle.velocity_now_at(Vec3A::X * 0.5, &now) - Vec3A::new(1.0, 0.0, -1.0)).length() < 1e-6);
         let end = Vector::new(0.5 * libm::cosf(2.0 * DT) + DT, 0.0, -0.5 * libm::sinf(2.0 * DT));
-        assert!((Vector::X * 0.5 + obstacle.plane_velocity(Vector::X * 0.5, Vector::Y, &now, DT) * DT - end).length() < 1e-6);
+        assert!((Vec3A::X * 0.5 + obstacle.plane_velocity(Vec3A::X * 0.5, Vec3A::Y, &now, DT) * DT - Vec3A::from(end)).length() < 1e-6);
     }
 
     #[test]
@@ -433,7 +445,7 @@ mod tests {
         let obstacles = one(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1), |body| body.set_translation(Vector::X * 5.0, true));
         let obstacle = &obstacles.list[0];
         let [now, end, before] = obstacle.frames(Vector::ZERO, DT);
-        assert_eq!(now.translation, Vector::X * 5.0);
+        assert_eq!(now.translation, Vec3A::X * 5.0);
         assert_eq!((end.translation, before.translation), (now.translation, now.translation));
     }
 

@@ -1,5 +1,6 @@
 //! What a shape is made of: its convex parts near a box, and on which side of a surface a point is.
 
+use bevy::math::Vec3A;
 use rapier3d::geometry::{Cuboid, HeightField, PointQueryWithLocation, Shape, TriMesh, TriMeshFlags, TypedShape};
 use rapier3d::math::{Pose, Vector};
 use rapier3d::parry::bounding_volume::Aabb;
@@ -55,10 +56,10 @@ pub(crate) fn is_one_sided(shape: &dyn Shape) -> bool {
 ///
 /// A height field is solid below, but not all the way down: a point more than `depth` \[m\] below it is taken to be in a cave, under a bridge, on a lower floor. A triangle mesh with
 /// [`TriMeshFlags::ORIENTED`] is solid inside. All other surfaces are the same from both sides.
-pub(crate) fn way_out(shape: &dyn Shape, at: Vector, depth: f32) -> Option<Nearest> {
+pub(crate) fn way_out(shape: &dyn Shape, at: Vec3A, depth: f32) -> Option<Nearest> {
     match shape.as_typed_shape() {
-        TypedShape::HeightField(field) => out_of_ground(field, at, depth),
-        TypedShape::TriMesh(mesh) if mesh.flags().contains(TriMeshFlags::ORIENTED) => out_of_mesh(mesh, at),
+        TypedShape::HeightField(field) => out_of_ground(field, at.into(), depth),
+        TypedShape::TriMesh(mesh) if mesh.flags().contains(TriMeshFlags::ORIENTED) => out_of_mesh(mesh, at.into()),
         _ => None,
     }
 }
@@ -76,7 +77,7 @@ fn out_of_ground(field: &HeightField, at: Vector, depth: f32) -> Option<Nearest>
         let normal = triangle.normal()?;
         let normal = if normal.y < 0.0 { -normal } else { normal };
         let distance = normal.dot(at - triangle.a);
-        (distance < 0.0 && distance >= -depth).then_some(Nearest { point: at - normal * distance, normal, distance })
+        (distance < 0.0 && distance >= -depth).then(|| Nearest { point: (at - normal * distance).into(), normal: normal.into(), distance })
     })
 }
 
@@ -89,7 +90,7 @@ fn out_of_mesh(mesh: &TriMesh, at: Vector) -> Option<Nearest> {
     let length = way.length();
     let normal =
         if length > 1e-5 * at.abs().max_element() { way / length } else { mesh.triangle(triangle).scaled_normal().normalize_or(Vector::Y) };
-    Some(Nearest { point: projection.point, normal, distance: -length })
+    Some(Nearest { point: projection.point.into(), normal: normal.into(), distance: -length })
 }
 
 #[cfg(test)]
@@ -120,13 +121,13 @@ mod tests {
         let field = SharedShape::heightfield(heights, Vector::new(2.0, 1.0, 2.0));
         let surface = |x: f32| 0.5 + 0.5 * x;
         for (x, z) in [(0.3, 0.2), (-0.6, 0.9), (0.7, -0.4), (-0.2, -0.9)] {
-            let out = way_out(&*field, Vector::new(x, surface(x) - 0.1, z), 1.0).unwrap();
-            assert!((out.normal - Vector::new(-0.5, 1.0, 0.0).normalize()).length() < 1e-4, "{out:?}");
+            let out = way_out(&*field, Vec3A::new(x, surface(x) - 0.1, z), 1.0).unwrap();
+            assert!((out.normal - Vec3A::new(-0.5, 1.0, 0.0).normalize()).length() < 1e-4, "{out:?}");
             assert!((out.distance + 0.1 * out.normal.y).abs() < 1e-4, "{out:?}");
-            assert!(way_out(&*field, Vector::new(x, surface(x) + 0.1, z), 1.0).is_none());
-            assert!(way_out(&*field, Vector::new(x, surface(x) - 3.0, z), 1.0).is_none());
+            assert!(way_out(&*field, Vec3A::new(x, surface(x) + 0.1, z), 1.0).is_none());
+            assert!(way_out(&*field, Vec3A::new(x, surface(x) - 3.0, z), 1.0).is_none());
         }
-        assert!(way_out(&*field, Vector::new(1.2, 0.0, 0.0), 1.0).is_none());
+        assert!(way_out(&*field, Vec3A::new(1.2, 0.0, 0.0), 1.0).is_none());
     }
 
     #[test]
@@ -134,10 +135,10 @@ mod tests {
         let (points, triangles) = Cuboid::new(Vector::new(0.5, 0.3, 0.7)).to_trimesh();
         let bare = SharedShape::trimesh(points.clone(), triangles.clone()).unwrap();
         let solid = SharedShape::trimesh_with_flags(points, triangles, TriMeshFlags::ORIENTED).unwrap();
-        let inside = Vector::new(0.1, 0.2, 0.0);
+        let inside = Vec3A::new(0.1, 0.2, 0.0);
         let out = way_out(&*solid, inside, 1.0).unwrap();
-        assert!((out.normal - Vector::Y).length() < 1e-4 && (out.distance + 0.1).abs() < 1e-5, "{out:?}");
-        assert!(way_out(&*solid, Vector::new(0.1, 0.4, 0.0), 1.0).is_none());
+        assert!((out.normal - Vec3A::Y).length() < 1e-4 && (out.distance + 0.1).abs() < 1e-5, "{out:?}");
+        assert!(way_out(&*solid, Vec3A::new(0.1, 0.4, 0.0), 1.0).is_none());
         assert!(way_out(&*bare, inside, 1.0).is_none());
     }
 }

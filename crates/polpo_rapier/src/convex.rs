@@ -99,3 +99,63 @@ impl Convex for dyn Shape + '_ {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::math::Vec3;
+    use polpo_solver::quat_exp;
+
+    /// In and around a box of half a metre, some in the planes of its faces.
+    fn places() -> impl Iterator<Item = Vec3A> {
+        (0..2000).map(|i| {
+            let f = i as f32;
+            let at = Vec3A::new(libm::sinf(f), libm::cosf(1.7 * f), libm::sinf(2.9 * f)) * 0.8;
+            if i % 7 == 0 { (at * 8.0).round() / 8.0 } else { at }
+        })
+    }
+
+    fn bits(plane: Nearest) -> [u32; 7] {
+        let Nearest { point: p, normal: n, distance } = plane;
+        [p.x, p.y, p.z, n.x, n.y, n.z, distance].map(f32::to_bits)
+    }
+
+    /// `written` is what a shape's own form should answer to the bit.
+    fn agree<S: Shape + Convex>(shape: &S, written: impl Fn(Vec3A) -> Nearest) {
+        let any: &dyn Shape = shape;
+        for (i, at) in places().enumerate() {
+            let by_center = shape.nearest(at);
+            assert_eq!(bits(by_center), bits(written(at)), "at {at}");
+            assert_eq!(bits(by_center), bits(any.nearest(at)), "at {at}");
+            let turn = quat_exp(Vec3A::new(libm::sinf(i as f32), 0.3, 0.1 * i as f32));
+            let ellipsoid = Ellipsoid { radii: Vec3A::new(0.3, 0.1, 0.2), orientation: turn };
+            let [own, of_any] = [shape.nearest_to(&ellipsoid, at, by_center), any.nearest_to(&ellipsoid, at, by_center)];
+            assert_eq!(bits(own), bits(of_any), "at {at}");
+        }
+        assert_eq!(shape.front(), any.front());
+    }
+
+    #[test]
+    fn all_forms_of_a_shape_give_the_same_bits() {
+        let cuboid = Cuboid::new(Vec3::new(0.5, 0.3, 0.7));
+        agree(&cuboid, |at| nearest_by_projection(&cuboid as &dyn Shape, at));
+        let capsule = Capsule::new(Vec3::new(-0.2, 0.0, 0.1), Vec3::new(0.4, 0.3, 0.0), 0.3);
+        agree(&capsule, |at| nearest_by_projection(&capsule as &dyn Shape, at));
+        agree(&Ball::new(0.5), |at| nearest_on_ball(&Ball::new(0.5), at));
+        let half = HalfSpace::new(Vec3::new(0.6, 0.8, 0.0));
+        agree(&half, |at| nearest_on_half_space(&half, at));
+        let triangle = Triangle::new(Vec3::new(-0.5, 0.1, 0.0), Vec3::new(0.5, 0.0, 0.2), Vec3::new(0.0, -0.1, 0.6));
+        agree(&triangle, |at| nearest_on_triangle(&triangle, at));
+    }
+
+    /// What a search would find of a half-space is the plane that it has already.
+    #[test]
+    fn a_half_space_needs_no_search() {
+        let half = HalfSpace::new(Vec3::new(0.6, 0.8, 0.0));
+        let ellipsoid = Ellipsoid { radii: Vec3A::new(0.3, 0.1, 0.2), orientation: quat_exp(Vec3A::new(0.4, 0.3, 0.1)) };
+        for at in places() {
+            let by_center = half.nearest(at);
+            assert_eq!(bits(half.nearest_to(&ellipsoid, at, by_center)), bits(search(&ellipsoid, at, &half, by_center)), "at {at}");
+        }
+    }
+}

@@ -63,6 +63,13 @@ impl Bounds {
 /// boxes give the same pairs in the same order. Reuse it: a warmed-up search allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub struct BroadPhase {
+    /// Of all boxes, or of two kinds that are looked at apart.
+    lines: [Line; 2],
+}
+
+/// Boxes sorted along the axis.
+#[derive(Clone, Debug, Default)]
+struct Line {
     /// Beginnings along the axis, as integers of the same order, and indices.
     order: Vec<(i32, u32)>,
     /// The boxes in that order, eight to one; what makes up the last eight meets none.
@@ -84,53 +91,89 @@ impl BroadPhase {
     /// Calls `meet` with the indices of every two boxes that meet, the smaller first, until it says no. Boxes that are not finite are left out.
     pub fn pairs(&mut self, boxes: &[Bounds], mut meet: impl FnMut(u32, u32) -> bool) {
         let axis = widest_axis(boxes);
+        let [all, _] = &mut self.lines;
+        all.sort(boxes, 0, axis);
+        let all = &*all;
+        dispatch!(Level::new(), simd => all.sweep(Lanes::<_, false>(simd), all, boxes, axis, |k| k + 1, &mut meet));
+    }
+
+    /// The same of every two of which one is among the `first` so many boxes and the other is not: of two heaps, without what meets in either.
+    pub fn pairs_between(&mut self, boxes: &[Bounds], first: usize, mut meet: impl FnMut(u32, u32) -> bool) {
+        let axis = widest_axis(boxes);
+        let (these, those) = boxes.split_at(first.min(boxes.len()));
+        let [one, other] = &mut self.lines;
+        one.sort(these, 0, axis);
+        other.sort(those, these.len() as u32, axis);
+        let (one, other) = (&*one, &*other);
+        // Of two that begin together, the first one's sweep finds the second.
+        let (mut at, mut past) = (0, 0);
+        let from = |k: usize| {
+            at += other.order[at..].iter().take_while(|(begin, _)| *begin < one.order[k].0).count();
+            at
+        };
+        let behind = |k: usize| {
+            past += one.order[past..].iter().take_while(|(begin, _)| *begin <= other.order[k].0).count();
+            past
+        };
+        dispatch!(Level::new(), simd => {
+            if one.sweep(Lanes::<_, false>(simd), other, boxes, axis, from, &mut meet) {
+                other.sweep(Lanes::<_, false>(simd), one, boxes, axis, behind, &mut meet);
+            }
+        });
+    }
+}
+
+impl Line {
+    /// Takes the finite ones of `boxes`, whose indices are counted on from `count`.
+    fn sort(&mut self, boxes: &[Bounds], count: u32, axis: usize) {
         self.order.clear();
-        self.order.extend((0u32..).zip(boxes).filter(|(_, b)| b.is_finite()).map(|(i, b)| (ordered(b.min[axis]), i)));
+        self.order.extend((0u32..).zip(boxes).filter(|(_, b)| b.is_finite()).map(|(i, b)| (ordered(b.min[axis]), count + i)));
         self.order.sort_unstable();
         self.sorted.clear();
         self.sorted.resize(self.order.len().div_ceil(LANES), EightBoxes::NOTHING);
         for (k, &(_, i)) in self.order.iter().enumerate() {
-            let (eight, l) = (&mut self.sorted[k / LANES], k % LANES);
+            let (eight, l, of) = (&mut self.sorted[k / LANES], k % LANES, &boxes[(i - count) as usize]);
             for a in 0..3 {
-                (eight.min[a][l], eight.max[a][l]) = (boxes[i as usize].min[a], boxes[i as usize].max[a]);
+                (eight.min[a][l], eight.max[a][l]) = (of.min[a], of.max[a]);
             }
         }
-        let (order, sorted) = (&self.order[..], &self.sorted[..]);
-        dispatch!(Level::new(), simd => sweep(Lanes::<_, false>(simd), order, sorted, boxes, axis, &mut meet));
     }
-}
 
-/// Compares each box with those that begin after it and before it ends.
-#[inline(always)]
-fn sweep<S: Simd>(
-    lanes: Lanes<S, false>,
-    order: &[(i32, u32)],
-    sorted: &[EightBoxes],
-    boxes: &[Bounds],
-    axis: usize,
-    meet: &mut impl FnMut(u32, u32) -> bool,
-) {
-    for (k, &(_, i)) in order.iter().enumerate() {
-        let Bounds { min, max } = boxes[i as usize];
-        let (min, max) = ([min.x, min.y, min.z], [max.x, max.y, max.z]);
-        let end = max[axis];
-        // The first eight hold the box itself, and some before it.
-        let mut after = !(u8::MAX >> (LANES - 1 - k % LANES));
-        for (block, other) in sorted.iter().enumerate().skip(k / LANES) {
-            if other.min[axis][0] > end && block > k / LANES {
-                break;
-            }
-            let begins = |a: usize| lanes.load(&other.min[a]).simd_le(lanes.splat(max[a]));
-            let ends = |a: usize| lanes.load(&other.max[a]).simd_ge(lanes.splat(min[a]));
-            let meets = begins(0) & begins(1) & begins(2) & ends(0) & ends(1) & ends(2);
-            for l in bits(after & meets.to_bitmask() as u8) {
-                let j = order[block * LANES + l].1;
-                if !meet(i.min(j), i.max(j)) {
-                    return;
+    /// Compares the k-th box with those in `others` that begin before it ends, from `start(k)` on. Whether `meet` never said no.
+    #[inline(always)]
+    fn sweep<S: Simd>(
+        &self,
+        lanes: Lanes<S, false>,
+        others: &Self,
+        boxes: &[Bounds],
+        axis: usize,
+        mut start: impl FnMut(usize) -> usize,
+        meet: &mut impl FnMut(u32, u32) -> bool,
+    ) -> bool {
+        for (k, &(_, i)) in self.order.iter().enumerate() {
+            let Bounds { min, max } = boxes[i as usize];
+            let (min, max) = ([min.x, min.y, min.z], [max.x, max.y, max.z]);
+            let end = max[axis];
+            let start = start(k);
+            // The first eight hold some before those.
+            let mut after = u8::MAX << (start % LANES);
+            for (block, other) in others.sorted.iter().enumerate().skip(start / LANES) {
+                if other.min[axis][0] > end {
+                    break;
                 }
+                let begins = |a: usize| lanes.load(&other.min[a]).simd_le(lanes.splat(max[a]));
+                let ends = |a: usize| lanes.load(&other.max[a]).simd_ge(lanes.splat(min[a]));
+                let meets = begins(0) & begins(1) & begins(2) & ends(0) & ends(1) & ends(2);
+                for l in bits(after & meets.to_bitmask() as u8) {
+                    let j = others.order[block * LANES + l].1;
+                    if !meet(i.min(j), i.max(j)) {
+                        return false;
+                    }
+                }
+                after = u8::MAX;
             }
-            after = u8::MAX;
         }
+        true
     }
 }
 
@@ -206,6 +249,32 @@ mod tests {
         assert!(pairs(&[]).is_empty());
     }
 
+    /// Among them some that begin at the same place, on both sides.
+    #[test]
+    fn between_two_it_finds_the_pairs_of_one_from_each() {
+        let mut random = Random(2);
+        let (mut met, mut broad) = (0, BroadPhase::default());
+        for first in [0, 1, 7, 120, 293, 300] {
+            let boxes: Vec<Bounds> = (0..300)
+                .map(|i| {
+                    let at = (random.vector() * 8.0).round() * if i % 97 == 5 { f32::NAN } else { 1.0 };
+                    Bounds::of_swept_ball(at, at + random.vector(), 0.5 + random.signed().abs())
+                })
+                .collect();
+            let mut expected = pairs(&boxes);
+            expected.retain(|(i, j)| (*i as usize) < first && *j as usize >= first);
+            let mut found = Vec::new();
+            broad.pairs_between(&boxes, first, |i, j| {
+                found.push((i, j));
+                true
+            });
+            found.sort_unstable();
+            met += found.len();
+            assert_eq!(found, expected, "{first} beside the rest");
+        }
+        assert!(met > 300, "{met}");
+    }
+
     #[test]
     fn it_stops_when_told() {
         let boxes = [Bounds::of_swept_ball(Vec3A::ZERO, Vec3A::ZERO, 1.0); 5];
@@ -215,5 +284,13 @@ mod tests {
             calls < 3
         });
         assert_eq!(calls, 3);
+        for first in [1, 4] {
+            calls = 0;
+            BroadPhase::default().pairs_between(&boxes, first, |_, _| {
+                calls += 1;
+                calls < 2
+            });
+            assert_eq!(calls, 2);
+        }
     }
 }

@@ -110,36 +110,38 @@ impl PairFinder {
     pub fn find_between(&mut self, a: &Particles, b: &Particles, offset: Vec3A, search: &PairSearch, fresh: bool, pairs: &mut Pairs) {
         // Seen from the first body, which is large as a rule and then still.
         let frame = mean_velocity(a);
-        let bounds = |p: &Particles, origin: Vec3A| {
+        let Self { broad, boxes, owners, keys } = self;
+        boxes.clear();
+        let mut bounds = |p: &Particles, origin: Vec3A| {
             let mut all = Bounds::NOTHING;
             for i in 0..p.len() {
                 let b = swept(p, i, origin, frame, search);
                 if b.is_finite() {
                     all.include(&b);
                 }
+                boxes.push(b);
             }
             all
         };
         let (around_a, around_b) = (bounds(a, Vec3A::ZERO), bounds(b, offset));
-        self.begin();
+        // Only those that are near the other body.
         let count = a.len() as u32;
-        if around_a.meets(&around_b) {
-            for (p, origin, others, first) in [(a, Vec3A::ZERO, &around_b, 0), (b, offset, &around_a, count)] {
-                for i in 0..p.len() {
-                    let b = swept(p, i, origin, frame, search);
-                    if b.meets(others) {
-                        self.add(first + i as u32, b);
-                    }
-                }
+        let mut kept = 0;
+        owners.clear();
+        for i in 0..boxes.len() {
+            if boxes[i].meets(if i < a.len() { &around_b } else { &around_a }) {
+                boxes[kept] = boxes[i];
+                kept += 1;
+                owners.push(i as u32);
             }
         }
-        let Self { broad, boxes, owners, keys } = self;
+        boxes.truncate(kept);
+        keys.clear();
         let most = MOST * (a.len() + b.len());
-        broad.pairs(boxes, |i, j| {
-            let (i, j) = (owners[i as usize], owners[j as usize]);
-            let (i, j) = (i.min(j), i.max(j));
-            if i < count && j >= count && meet_in_step(a, i as usize, b, (j - count) as usize, offset, search) {
-                keys.push(key(i, j - count));
+        broad.pairs_between(boxes, owners.partition_point(|i| *i < count), |i, j| {
+            let (i, j) = (owners[i as usize], owners[j as usize] - count);
+            if meet_in_step(a, i as usize, b, j as usize, offset, search) {
+                keys.push(key(i, j));
             }
             keys.len() < most
         });
@@ -153,17 +155,6 @@ impl PairFinder {
                 pairs.way_out = None;
             }
         }
-    }
-
-    fn begin(&mut self) {
-        self.boxes.clear();
-        self.owners.clear();
-        self.keys.clear();
-    }
-
-    fn add(&mut self, owner: u32, b: Bounds) {
-        self.owners.push(owner);
-        self.boxes.push(b);
     }
 }
 

@@ -7,7 +7,7 @@ use polpo::{
     CalibratedEdges, CapabilityError, CapabilityRejected, Cells, Edges, Facet, Limb, Material, Particles, RodFidelity, RodShape, RodSolve,
     Rods, Section,
 };
-use polpo_rig::{MeshHash, Particle, Rig};
+use polpo_rig::{Fidelity, MeshHash, Particle, RecipeMaterial, Rig};
 use polpo_tests::{simulation, steps};
 
 const DENSITY: f32 = 1000.0;
@@ -63,27 +63,34 @@ fn place(app: &App, body: Entity, i: usize) -> Vec3 {
 fn sag(across: u32, size: f32, rods: impl Fn(Cells) -> Rods, substeps: Option<u32>) -> (f32, u32) {
     let mut app = simulation();
     let (rig, cells) = bar(across, size);
-    let (count, walls) = ((cells.volumes.len() as u32) - across * across, across * across);
     let rods = rods(cells);
     let material = rods.material;
-    let body = app.world_mut().spawn((SoftBody::new(rig), rods, Damping { drag: 4.0, internal: 0.0 })).id();
+    let body = app.world_mut().spawn((SoftBody::new(rig), rods)).id();
+    hang(&mut app, body, across, size, material, substeps)
+}
+
+/// The same of a body that is there.
+fn hang(app: &mut App, body: Entity, across: u32, size: f32, material: Material, substeps: Option<u32>) -> (f32, u32) {
+    let walls = across * across;
+    let count = app.world().get::<Particles>(body).unwrap().len() as u32 - walls;
+    app.world_mut().entity_mut(body).insert(Damping { drag: 4.0, internal: 0.0 });
     app.world_mut().entity_mut(body).remove::<(Collision, BodyContact)>();
-    let list = (count..count + walls).map(|i| Pin::at(i, place(&app, body, i as usize)).clamped()).collect();
+    let list = (count..count + walls).map(|i| Pin::at(i, place(app, body, i as usize)).clamped()).collect();
     let ends: Vec<usize> = ((count - walls) as usize..count as usize).collect();
     let height = |app: &App| ends.iter().map(|&i| place(app, body, i).y).sum::<f32>() / ends.len() as f32;
-    let start = height(&app);
+    let start = height(app);
     app.world_mut().entity_mut(body).insert(Pins { list });
-    steps(&mut app, 1);
+    steps(app, 1);
     let needed = app.world().get::<CalibratedEdges>(body).unwrap().substeps_needed();
     app.insert_resource(SolverSettings { substeps: substeps.unwrap_or(needed), iterations: 2, ..default() });
-    steps(&mut app, 240);
+    steps(app, 240);
     assert_eq!(app.world().get::<CalibratedEdges>(body).unwrap().fidelity(), RodFidelity::True);
     assert!(app.world().get::<Edges>(body).unwrap().is_empty(), "what the rig had between the cells is not theirs");
     let (a, x) = (across as f32 * size, 1.0 - 0.5 * size);
     let load = DENSITY * 9.81;
     let bend = load * 12.0 / (24.0 * material.youngs_modulus * a * a) * x * x * (6.0 - 4.0 * x + x * x);
     let exact = bend + load * 1.2 / material.shear_modulus() * (x - 0.5 * x * x);
-    ((start - height(&app)) / exact - 1.0, needed)
+    ((start - height(app)) / exact - 1.0, needed)
 }
 
 /// With as many substeps as the edges ask for, which alone are good for two or three per cent.
@@ -96,6 +103,78 @@ fn a_bar_of_cells_sags_by_its_weight() {
     }
 }
 
+/// A rig with the cells of a bar, at half its size, of the material that the bar has.
+fn half_a_bar(across: u32, size: f32) -> (Rig, Rods) {
+    let (mut rig, cells) = bar(across, size);
+    for (particle, &volume) in rig.particles.iter_mut().zip(&cells.volumes) {
+        particle.position *= 0.5;
+        particle.radii *= 0.5;
+        particle.mass = 0.125 * if volume > 0.0 { DENSITY * volume } else { 1.0 };
+    }
+    let facet = |f: &Facet| polpo_rig::Facet {
+        pair: f.pair,
+        area: Vec3::from(f.area) * 0.25,
+        centroid: Vec3::from(f.centroid) * 0.5,
+        moments: [f.moments.x_axis.x, f.moments.y_axis.y, f.moments.z_axis.z, 0.0, 0.0, 0.0].map(|m| m * 0.0625),
+    };
+    rig.cells = Some(polpo_rig::Cells {
+        material: RecipeMaterial { youngs_modulus: 1e7, poissons_ratio: 0.3, retardation: 0.0, fidelity: Fidelity::Cells },
+        volumes: cells.volumes.iter().map(|v| v * 0.125).collect(),
+        facets: cells.facets.iter().map(facet).collect(),
+        limb: None,
+    });
+    (rig, Rods::of_cells(rubber(0.3), cells))
+}
+
+/// Without a word about rods; scaled as the body is.
+#[test]
+fn a_rig_with_cells_is_as_stiff_as_its_material() {
+    let (rig, rods) = half_a_bar(2, 0.125);
+    let mut app = simulation();
+    let body = app.world_mut().spawn((SoftBody::new(rig), Transform::from_scale(Vec3::splat(2.0)))).id();
+    assert_eq!(app.world().get::<Rods>(body), Some(&rods), "powers of two scale without rounding");
+    let (error, needed) = hang(&mut app, body, 2, 0.125, rods.material, None);
+    println!("from the rig: sag {:+.1} % with {needed} substeps", 100.0 * error);
+    assert!(error.abs() < 0.03 && needed > 10, "{error} with {needed}");
+}
+
+/// Rods that came with the rig go with it; those of somebody's own stay, and taken off they stay off.
+#[test]
+fn a_body_keeps_the_rods_of_its_own() {
+    let (with, rods) = half_a_bar(1, 0.25);
+    let without = Rig { cells: None, ..with.clone() };
+    let mut app = simulation();
+    let has = |app: &App, body: Entity| (app.world().get::<Rods>(body).cloned(), app.world().entity(body).contains::<CalibratedEdges>());
+    let twice = Transform::from_scale(Vec3::splat(2.0));
+
+    let body = app.world_mut().spawn((SoftBody::new(with.clone()), twice)).id();
+    steps(&mut app, 2);
+    assert_eq!(has(&app, body), (Some(rods.clone()), true));
+    app.world_mut().entity_mut(body).insert((SoftBody::new(without.clone()), twice));
+    steps(&mut app, 2);
+    assert_eq!(has(&app, body), (None, false));
+    app.world_mut().entity_mut(body).insert((SoftBody::new(with.clone()), twice));
+    steps(&mut app, 2);
+    app.world_mut().entity_mut(body).remove::<Rods>();
+    steps(&mut app, 2);
+    assert_eq!(has(&app, body), (None, false));
+
+    let own = Rods { retardation: 0.01, ..rods.clone() };
+    let body = app.world_mut().spawn((SoftBody::new(with.clone()), twice, own.clone())).id();
+    steps(&mut app, 2);
+    assert_eq!(has(&app, body), (Some(own.clone()), true));
+    let body = app.world_mut().spawn((SoftBody::new(with.clone()), twice)).id();
+    steps(&mut app, 2);
+    app.world_mut().entity_mut(body).insert(own.clone());
+    app.world_mut().entity_mut(body).insert((SoftBody::new(with), twice));
+    steps(&mut app, 2);
+    assert_eq!(has(&app, body), (Some(own), true), "changed by hand, they are nobody else's");
+
+    let body = app.world_mut().spawn(SoftBody::new(without)).id();
+    steps(&mut app, 2);
+    assert_eq!(has(&app, body), (None, false), "and a rig without cells has none");
+}
+
 /// A material without Poisson's ratio has no rings, and one substep is enough.
 #[test]
 fn cells_without_rings_are_solved_directly() {
@@ -103,6 +182,18 @@ fn cells_without_rings_are_solved_directly() {
     let (error, needed) = sag(2, 0.1, direct, Some(1));
     println!("direct: sag {:+.1} %", 100.0 * error);
     assert!(error.abs() < 0.02 && needed == 1, "{error} with {needed}");
+}
+
+/// Nor does a body have rings that does without.
+#[test]
+fn cells_may_do_without_rings() {
+    let direct = |cells| {
+        let shape = RodShape::Cells(Cells { without_rings: true, ..cells });
+        Rods { material: rubber(0.3), shape, solve: RodSolve::Direct, retardation: 0.0 }
+    };
+    let (error, needed) = sag(2, 0.1, direct, Some(1));
+    println!("direct, without rings: sag {:+.1} %", 100.0 * error);
+    assert!(error.abs() < 0.06 && needed == 1, "{error} with {needed}");
 }
 
 #[test]

@@ -8,9 +8,10 @@ use polpo_rig::{Rig, RigError};
 use polpo_solver::{ParticleError, ParticleRest};
 
 use crate::recall::Recall;
+use crate::rods::RodsOfRig;
 use crate::{
-    Blocks, BodyContact, Collision, ContactMemory, Contacts, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, ShapeMatching,
-    Sleep, Sleeping, StepStart, Torsion,
+    Blocks, BodyContact, Collision, ContactMemory, Contacts, Damping, DistanceConstraints, Frozen, KeepMomentum, Particles, Rods,
+    ShapeMatching, Sleep, Sleeping, StepStart, Torsion,
 };
 
 /// Makes an entity a soft body.
@@ -91,14 +92,22 @@ pub struct SoftBodyRejected {
 type Built =
     (Blocks, crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs, Recall);
 
+/// What a body brings along when it is built anew: its contacts with the world, and rods, which may be those of its last rig.
+type Past = (
+    Option<(&'static mut Contacts, &'static mut ContactMemory)>,
+    Option<Ref<'static, Rods>>,
+    Option<Ref<'static, RodsOfRig>>,
+    Has<Particles>,
+);
+
 /// Builds the particles as soon as a [`SoftBody`] is inserted.
 pub(crate) fn build_body(
     insert: On<Insert, SoftBody>,
     mut commands: Commands,
-    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>, Option<(&mut Contacts, &mut ContactMemory)>, Has<Particles>)>,
+    mut bodies: Query<(&SoftBody, &mut Transform, Option<&InitialVelocity>, Past)>,
 ) {
     let entity = insert.entity;
-    let Ok((body, mut transform, velocity, met, anew)) = bodies.get_mut(entity) else {
+    let Ok((body, mut transform, velocity, (met, rods, of_rig, anew))) = bodies.get_mut(entity) else {
         return;
     };
     // A body that is built anew has no past.
@@ -106,11 +115,14 @@ pub(crate) fn build_body(
         contacts.list.clear();
         memory.position.clear();
     }
+    // Rods and the mark were put there at once; whoever changed them since made them their own.
+    let rods_of_rig = rods.as_ref().zip(of_rig).is_some_and(|(rods, mark)| rods.last_changed() == mark.last_changed());
     match particles_at(&body.rig, &transform) {
         Ok((mut particles, origin)) => {
             if let Some(velocity) = velocity {
                 particles.set_rigid_velocity(velocity.linear.into(), velocity.angular.into());
             }
+            let scale = transform.scale.x;
             *transform = Transform::from_translation(origin);
             let start = StepStart { position: particles.position.clone(), rotation: particles.rotation.clone(), origin };
             let mut entity = commands.entity(entity);
@@ -121,6 +133,13 @@ pub(crate) fn build_body(
             }
             if particles.len() >= Blocks::LARGE {
                 entity.try_insert(Blocks::default());
+            }
+            if rods.is_none() || rods_of_rig {
+                match Rods::of_rig(&body.rig, scale) {
+                    Some(rods) => entity.try_insert((rods, RodsOfRig)),
+                    None if rods_of_rig => entity.remove::<(Rods, RodsOfRig)>(),
+                    None => &mut entity,
+                };
             }
             entity.try_insert((Particles(particles), start));
         }

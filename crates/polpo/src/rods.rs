@@ -1,7 +1,8 @@
 //! Rods: edges that are as stiff as their material and section, or the body's cells, say.
 
+use bevy::math::{Mat3A, Vec3A};
 use bevy::prelude::*;
-use polpo_rig::Rig;
+use polpo_rig::{Fidelity, Rig};
 use polpo_solver::{CalibrationError, DirectEdges, Facet, Limb, Material, Rings, Section};
 
 use crate::capability::{CapabilityError, reject};
@@ -15,6 +16,8 @@ use crate::{Edges, ImplicitGroups, Particles, SoftBody, SolverSettings, SubstepT
 /// of a body, the particle between them is in both: it turns with the rods, and its groups hold on to it. Whatever is solved last in a substep, the rods, has the last word there.
 ///
 /// They follow a [`RestPose`](crate::RestPose) and [`Inflation`](crate::Inflation), with the stiffness that they were made with.
+///
+/// A body whose rig carries cells ([`Rig::cells`], from a recipe with a material) gets the rods of these, [`Rods::of_rig`], when it is built, unless it has rods of its own; taken off, they stay off until the body is built anew.
 ///
 /// Solved once a substep. Numbers out of range, an edge that does not exist or has no length, a facet that is none, or what [`RodSolve::Direct`] does not take are refused with
 /// [`CapabilityRejected`](crate::CapabilityRejected). Without rods the particles have the masses back that they had before.
@@ -40,7 +43,52 @@ impl Rods {
     pub const fn of_cells(material: Material, cells: Cells) -> Self {
         Self { material, shape: RodShape::Cells(cells), solve: RodSolve::Sweep { spin_radius: 0.0 }, retardation: 0.0 }
     }
+
+    /// The rods of a rig's cells, for a body `scale` times as large; `None` for a rig without. Its density is that of the rig's particles on the average. A limb has a spin radius of 0.12 of its length; take `limb` out of the
+    /// [`Cells`] for a body that is to stretch as its material does, and takes substeps for it.
+    pub fn of_rig(rig: &Rig, scale: f32) -> Option<Self> {
+        let cells = rig.cells.as_ref()?;
+        let (mut mass, mut filled) = (0.0, 0.0);
+        for (particle, &volume) in rig.particles.iter().zip(&cells.volumes).filter(|(_, volume)| **volume > 0.0) {
+            mass += f64::from(particle.mass);
+            filled += f64::from(volume);
+        }
+        let (area, volume) = (scale * scale, scale * scale * scale);
+        let facet = |f: &polpo_rig::Facet| {
+            let [xx, yy, zz, xy, xz, yz] = f.moments.map(|m| m * area * area);
+            Facet {
+                pair: f.pair,
+                area: Vec3A::from(f.area) * area,
+                centroid: Vec3A::from(f.centroid) * scale,
+                moments: Mat3A::from_cols(Vec3A::new(xx, xy, xz), Vec3A::new(xy, yy, yz), Vec3A::new(xz, yz, zz)),
+            }
+        };
+        let limb = |l: polpo_rig::Limb| {
+            let (bending, torsion) = (l.bending * area * area, l.torsion * area * area);
+            Limb { axis: l.axis.into(), section: Section { area: l.area * area, bending, torsion, shear: 5.0 / 6.0 } }
+        };
+        let made_of = cells.material;
+        Some(Self {
+            material: Material {
+                youngs_modulus: made_of.youngs_modulus,
+                poissons_ratio: made_of.poissons_ratio,
+                density: (mass / filled) as f32,
+            },
+            shape: RodShape::Cells(Cells {
+                volumes: cells.volumes.iter().map(|v| v * volume).collect(),
+                facets: cells.facets.iter().map(facet).collect(),
+                limb: cells.limb.map(limb),
+                without_rings: made_of.fidelity == Fidelity::Edges,
+            }),
+            solve: RodSolve::Sweep { spin_radius: cells.limb.map_or(0.0, |l| 0.12 * l.length * scale) },
+            retardation: made_of.retardation,
+        })
+    }
 }
+
+/// The body's [`Rods`] came with its rig, and go with it: as long as nobody has changed them since.
+#[derive(Component, Debug, Clone, Copy)]
+pub(crate) struct RodsOfRig;
 
 /// What [`Rods`] are the edges of.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,13 +116,15 @@ pub struct Cells {
     pub facets: Vec<Facet>,
     /// If the body is one slender limb, its direction and section: it needs two fifths of the substeps then, and is too soft against stretch only; with a spin radius of about 0.12 of its length.
     pub limb: Option<Limb>,
+    /// Whether to do without the rings that give Poisson's ratio: cheaper by these, thick bodies are up to a sixth too soft or stiff, and [`RodSolve::Direct`] can solve it.
+    pub without_rings: bool,
 }
 
 /// How [`Rods`] are solved.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum RodSolve {
     /// All together: as stiff as the material says at every time step, with one substep. About ten times the work of a sweep, proportional to the number of edges on chains and trees; edges that close loops cost
-    /// more, and a body full of them is refused; so are cells of a material with a Poisson's ratio other than 0, whose rings are swept.
+    /// more, and a body full of them is refused; so are cells with rings, of a material with a Poisson's ratio other than 0, which are swept.
     #[default]
     Direct,
     /// One after the other: cheap, and as stiff as the material says if there are enough substeps, see [`CalibratedEdges::fidelity`].
@@ -215,9 +265,14 @@ fn make(rig: &Rig, particles: &mut Particles, rods: &Rods, before: Vec<[f32; 2]>
     };
     let (mut edges, rings) = match &rods.shape {
         RodShape::Section { section, edges } => (bars(rig, particles, rods, *section, edges.as_deref(), spin_radius)?, Rings::default()),
-        RodShape::Cells(Cells { volumes, facets, limb }) => {
+        RodShape::Cells(Cells { volumes, facets, limb, without_rings }) => {
             let radius = spin_radius.unwrap_or(0.0);
-            let (mut edges, mut rings) = polpo_solver::CalibratedEdges::from_facets(particles, facets, volumes, &rods.material, radius)?;
+            let (mut edges, mut rings) = if *without_rings {
+                let edges = polpo_solver::CalibratedEdges::from_facets_alone(particles, facets, volumes, &rods.material, radius)?;
+                (edges, Rings::default())
+            } else {
+                polpo_solver::CalibratedEdges::from_facets(particles, facets, volumes, &rods.material, radius)?
+            };
             if let Some(limb) = limb {
                 edges.cap_stretch(&mut rings, &walls_pinned(particles, volumes), &rods.material, limb)?;
             }

@@ -2,9 +2,10 @@
 
 use glam::{DVec3, Quat, Vec3A};
 use polpo_solver::{
-    CalibratedEdges, Contact, Contacts, DirectEdges, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, ParticleRest, Particles, Share,
-    Shares, Stiffness, Sweep, Turning, damp_internally, integrate, land_explicit_groups, match_explicit_groups, match_shapes, momentum,
-    predict, predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_contacts_beside, solve_distances, solve_torsion,
+    CalibratedEdges, Contact, Contacts, DirectEdges, Edges, ExplicitGroup, ExplicitGroups, ImplicitGroups, ParticleRest, Particles, Rings,
+    Share, Shares, Stiffness, Sweep, Turning, damp_internally, integrate, land_explicit_groups, match_explicit_groups, match_shapes,
+    momentum, predict, predict_explicit, restore_angular_momentum, solve_calibrated_edges, solve_contacts_beside, solve_distances,
+    solve_rings, solve_torsion,
 };
 
 use crate::jacobi::Jacobi;
@@ -47,6 +48,8 @@ pub(crate) struct Body {
     pub(crate) compression: Stiffness,
     pub(crate) torsion: Stiffness,
     pub(crate) rods: Option<CalibratedEdges>,
+    /// Of the rods, if these are facets.
+    pub(crate) rings: Rings,
     /// Solves the rods all at once instead of sweeping them.
     pub(crate) direct: Option<DirectEdges>,
     /// The plane through the world's origin with this normal, and its friction.
@@ -77,6 +80,7 @@ impl Body {
             compression: Stiffness::OFF,
             torsion: Stiffness::OFF,
             rods: None,
+            rings: Rings::default(),
             direct: None,
             floor: None,
             contacts: Contacts::default(),
@@ -202,7 +206,10 @@ impl Body {
                 Some(direct) => {
                     direct.solve(rods, &mut self.particles, sweep.dt);
                 }
-                None => solve_calibrated_edges(rods, &mut self.particles, sweep),
+                None => {
+                    solve_calibrated_edges(rods, &mut self.particles, sweep);
+                    solve_rings(&self.rings, &mut self.particles, sweep.dt);
+                }
             }
         }
         match_explicit_groups(&mut self.explicit, &mut self.particles, sweep);

@@ -9,22 +9,31 @@
 
 mod beam;
 mod body;
+mod bricks;
+mod cell_body;
 mod chain;
 mod convergence;
 mod drift;
 mod free_fall;
 mod friction;
 mod jacobi;
+mod material;
 mod measure;
+mod needs;
 mod orientation;
 mod pendulum;
 mod rest;
 mod soft;
+mod solids;
+mod statics;
 mod stiffness;
 mod table;
+mod timoshenko;
 mod top;
 mod wheel;
 
+pub use material::material_table;
+pub use needs::{MaterialNeeds, material_needs};
 pub use orientation::orientation_table;
 pub use table::table;
 
@@ -102,6 +111,7 @@ pub fn measurements() -> Vec<Measurement> {
         chain::MEASUREMENTS,
         friction::MEASUREMENTS,
         beam::MEASUREMENTS,
+        material::MEASUREMENTS,
         stiffness::MEASUREMENTS,
         drift::MEASUREMENTS,
         rest::MEASUREMENTS,

@@ -8,6 +8,9 @@
 //! read → clean → grid → voxels → thickness → domain → sample → edges → ellipsoids → shell → skin → files
 //! ```
 //!
+//! A recipe with a material has four more, `fill` and `partition` after `sample`, `facets` and `limb` after `edges`: how full voxels are, Voronoi cells, where these touch, and whether the body is one slender limb. They make
+//! [`Rig::cells`].
+//!
 //! Lengths are in the mesh's own unit, which the rest of the house takes to be metres. The same mesh and settings give the same
 //! bytes on every run and every platform: no hash maps, no threads, no platform transcendentals.
 

@@ -64,7 +64,7 @@ impl CalibratedEdges {
             let inverse: Vec<f32> = particles.inertia.iter().map(|i| 1.0 / i).collect();
             weights(&inverse, &self.pairs).zip(bend).map(|(w, c)| 1.5 * w / c.y.min(c.z)).max_by(f32::total_cmp)
         } else {
-            let stretch = weights(&particles.inverse_mass, &self.pairs).zip(&self.stretch_compliance).map(|(w, c)| w / c.x);
+            let stretch = weights(&particles.inverse_mass, &self.pairs).zip(&self.stretch_compliance).map(|(w, c)| w / c.min_element());
             let bend = weights(&particles.inverse_inertia, &self.pairs).zip(bend).map(|(w, c)| w / c.min_element());
             ninth_tenth(stretch).zip(ninth_tenth(bend)).map(|(stretch, bend)| stretch.max(bend))
         };
@@ -73,6 +73,23 @@ impl CalibratedEdges {
         let target = 1.0 / stiffest;
         let tau = self.lag(1.0);
         2.0 * target / (tau + (tau * tau + 4.0 * target).sqrt())
+    }
+
+    /// By how much more than their material says the edges give, swept in substeps of `dt` \[s\]: a sweep makes an edge no stiffer than K = 2, so the mean over all edges of max(1, ½K) − 1, of stretch or of bend and twist, whichever is more.
+    /// About 0 at [`longest_substep`](Self::longest_substep); 0.3 means that the body stretches or sags by about a third too much. What it says of half the substeps and fewer is a lower bound.
+    pub fn softness(&self, particles: &Particles, dt: f32) -> f32 {
+        let lag = 1.0 + self.lag(1.0 / dt);
+        let mean = |of: &mut dyn Iterator<Item = f32>| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for stiffness in of {
+                sum += (0.5 * dt * dt * lag * stiffness).max(1.0) - 1.0;
+                count += 1.0;
+            }
+            sum / f32::max(count, 1.0)
+        };
+        let stretch = weights(&particles.inverse_mass, &self.pairs).zip(&self.stretch_compliance).map(|(w, c)| w / c.min_element());
+        let bend = weights(&particles.inverse_inertia, &self.pairs).zip(&self.bend_compliance).map(|(w, c)| w / c.min_element());
+        mean(&mut stretch.into_iter()).max(mean(&mut bend.into_iter()))
     }
 
     /// τ·`rate`, or 0.

@@ -37,7 +37,15 @@ fn the_substeps_of_the_rule_are_enough_for_facets() {
             }
             above / below - 1.0
         });
-        println!("nu {nu}, {count} cells: {enough} substeps {:+.2} %, half {:+.1} %", 100.0 * right, 100.0 * few);
+        let [told_few, told] = [enough / 2, enough].map(|n| edges.softness(&body.p, 1.0 / (60.0 * n as f32)));
+        println!(
+            "nu {nu}, {count} cells: {enough} substeps {:+.2} %, half {:+.1} %, told {:.0} % and {:.0} %",
+            100.0 * right,
+            100.0 * few,
+            100.0 * told,
+            100.0 * told_few
+        );
+        assert!(told < 0.03 && told_few > 0.1 && told_few < 1.0, "told {told} and, with half of the substeps, {told_few}");
         assert!(right.abs() < 0.03 && few > 0.1 && few < 1.0, "nu {nu}, {count} cells: {right} with {enough} substeps, {few} with half");
     }
 }

@@ -128,11 +128,15 @@ fn errors(body: &Body, edges: &CalibratedEdges, rings: &Rings, beam: &Beam) -> [
 }
 
 /// The mean and the standard deviation of five random samples.
-fn five(solid: &Solid, count: usize, beam: &Beam) -> ([f64; 4], [f64; 4]) {
+fn five(solid: &Solid, count: usize, beam: &Beam, with_rings: bool) -> ([f64; 4], [f64; 4]) {
     let all: Vec<[f64; 4]> = (0..5)
         .map(|seed| {
             let mut body = Body::new(solid, count, seed);
-            let (edges, rings) = body.calibrate(&beam.material, 0.0);
+            let (mut edges, mut rings) = body.calibrate(&beam.material, 0.0);
+            if !with_rings {
+                edges = CalibratedEdges::from_facets_alone(&mut body.p, &body.facets, &body.volumes, &beam.material, 0.0).unwrap();
+                rings = Rings::default();
+            }
             errors(&body, &edges, &rings, beam)
         })
         .collect();
@@ -144,62 +148,92 @@ fn five(solid: &Solid, count: usize, beam: &Beam) -> ([f64; 4], [f64; 4]) {
     (mean, spread)
 }
 
-fn close(what: &str, got: ([f64; 4], [f64; 4]), mean: [f64; 4], spread: f64) {
-    let good = got.0.iter().zip(mean).all(|(e, most)| e.abs() < most) && got.1.iter().all(|s| *s < spread);
-    assert!(good, "{what}: {got:?}");
+/// What is not within the bounds for the means and for the spread.
+#[derive(Default)]
+struct Off(Vec<String>);
+
+impl Off {
+    fn close(&mut self, what: String, got: ([f64; 4], [f64; 4]), mean: [f64; 4], spread: f64) {
+        let good = got.0.iter().zip(mean).all(|(e, most)| e.abs() < most) && got.1.iter().all(|s| *s < spread);
+        if !good {
+            self.0.push(format!("{what}: {got:?}"));
+        }
+    }
 }
 
-/// What §3b of the method found for slender bars: sag, first frequency, stretch and twist, the mean of five random bars. Twist is too small because Saint-Venant's warping takes many cells across the section.
+/// Slender bars: sag, first frequency, stretch and twist, the mean of five random bars. Where twist is too small, it is because Saint-Venant's warping takes many cells across the section.
 #[test]
 fn irregular_slender_bars_are_as_stiff_as_their_material() {
+    let mut off = Off::default();
     for (nu, count, mean) in [
-        (0.0, 20, [0.015, 0.015, 0.01, 0.02]),
+        (0.0, 20, [0.015, 0.015, 0.01, 0.095]),
         (0.0, 60, [0.01, 0.01, 0.01, 0.08]),
-        (0.3, 20, [0.075, 0.04, 0.01, 0.05]),
-        (0.3, 60, [0.045, 0.035, 0.01, 0.11]),
-        (0.3, 150, [0.025, 0.015, 0.01, 0.07]),
-        (0.45, 20, [0.10, 0.055, 0.01, 0.06]),
-        (0.45, 60, [0.04, 0.04, 0.02, 0.125]),
+        (0.3, 20, [0.05, 0.035, 0.01, 0.07]),
+        (0.3, 60, [0.035, 0.03, 0.01, 0.09]),
+        (0.3, 150, [0.02, 0.015, 0.01, 0.06]),
+        (0.45, 20, [0.06, 0.045, 0.01, 0.07]),
+        (0.45, 60, [0.03, 0.03, 0.02, 0.11]),
     ] {
         let material = Material { youngs_modulus: 1e7, poissons_ratio: nu, density: DENSITY };
-        let got = five(&Solid::bar(0.1), count, &Beam { side: |_| 0.1, material });
-        close(&format!("nu {nu}, {count} cells"), got, mean, 0.035);
+        let got = five(&Solid::bar(0.1), count, &Beam { side: |_| 0.1, material }, true);
+        off.close(format!("nu {nu}, {count} cells"), got, mean, 0.055);
     }
+    assert!(off.0.is_empty(), "{:#?}", off.0);
 }
 
 /// The same with more cells than a quick test has time for.
 #[test]
 #[ignore = "takes ten seconds"]
 fn an_irregular_slender_bar_of_300_cells_is_as_stiff_as_its_material() {
+    let mut off = Off::default();
     let material = Material { youngs_modulus: 1e7, poissons_ratio: 0.3, density: DENSITY };
-    let got = five(&Solid::bar(0.1), 300, &Beam { side: |_| 0.1, material });
-    close("300 cells", got, [0.01, 0.01, 0.01, 0.045], 0.01);
+    let got = five(&Solid::bar(0.1), 300, &Beam { side: |_| 0.1, material }, true);
+    off.close("300 cells".into(), got, [0.01, 0.01, 0.01, 0.045], 0.015);
+    assert!(off.0.is_empty(), "{:#?}", off.0);
 }
 
 /// Half as slender, which takes twice the cells across for as many.
 #[test]
 fn irregular_stout_bars_are_as_stiff_as_their_material() {
+    let mut off = Off::default();
     for (nu, count, mean, spread) in [
-        (0.3, 20, [0.085, 0.055, 0.015, 0.15], 0.07),
-        (0.3, 60, [0.01, 0.02, 0.015, 0.07], 0.02),
-        (0.3, 150, [0.01, 0.015, 0.015, 0.05], 0.01),
-        (0.45, 20, [0.10, 0.065, 0.015, 0.17], 0.07),
-        (0.45, 60, [0.035, 0.01, 0.025, 0.09], 0.02),
+        (0.3, 20, [0.055, 0.045, 0.015, 0.10], 0.09),
+        (0.3, 60, [0.01, 0.02, 0.015, 0.05], 0.025),
+        (0.3, 150, [0.01, 0.015, 0.015, 0.05], 0.015),
+        (0.45, 20, [0.06, 0.055, 0.015, 0.12], 0.09),
+        (0.45, 60, [0.03, 0.01, 0.025, 0.07], 0.025),
     ] {
         let material = Material { youngs_modulus: 1e7, poissons_ratio: nu, density: DENSITY };
-        let got = five(&Solid::bar(0.2), count, &Beam { side: |_| 0.2, material });
-        close(&format!("nu {nu}, {count} cells"), got, mean, spread);
+        let got = five(&Solid::bar(0.2), count, &Beam { side: |_| 0.2, material }, true);
+        off.close(format!("nu {nu}, {count} cells"), got, mean, spread);
     }
+    assert!(off.0.is_empty(), "{:#?}", off.0);
 }
 
 /// From 0.12 to 0.06 m thick.
 #[test]
 fn a_tapered_limb_is_as_stiff_as_its_material() {
+    let mut off = Off::default();
     let inside = |x: Vec3A| x.y.abs().max(x.z.abs()) < 0.06 - 0.03 * x.x;
     let solid = Solid { size: Vec3A::new(1.0, 0.12, 0.12), unit: 0.04, inside };
-    for (count, mean) in [(20, [0.09, 0.06, 0.02, 0.03]), (60, [0.04, 0.03, 0.015, 0.08]), (150, [0.02, 0.015, 0.01, 0.075])] {
+    for (count, mean) in [(20, [0.055, 0.045, 0.02, 0.06]), (60, [0.035, 0.03, 0.015, 0.08]), (150, [0.02, 0.015, 0.01, 0.06])] {
         let material = Material { youngs_modulus: 1e7, poissons_ratio: 0.3, density: DENSITY };
-        let got = five(&solid, count, &Beam { side: |x| 0.12 - 0.06 * x, material });
-        close(&format!("{count} cells"), got, mean, 0.05);
+        let got = five(&solid, count, &Beam { side: |x| 0.12 - 0.06 * x, material }, true);
+        off.close(format!("{count} cells"), got, mean, 0.055);
     }
+    assert!(off.0.is_empty(), "{:#?}", off.0);
+}
+
+/// The cheap form.
+#[test]
+fn bars_without_rings_are_about_as_stiff_as_their_material() {
+    let mut off = Off::default();
+    let material = Material { youngs_modulus: 1e7, poissons_ratio: 0.3, density: DENSITY };
+    for (side, count, mean) in
+        [(0.1, 20, [0.06, 0.05, 0.07, 0.08]), (0.1, 60, [0.05, 0.04, 0.08, 0.12]), (0.2, 60, [0.06, 0.04, 0.09, 0.1])]
+    {
+        let beam = if side < 0.15 { Beam { side: |_| 0.1, material } } else { Beam { side: |_| 0.2, material } };
+        off.close(format!("{side} m, {count} cells"), five(&Solid::bar(side), count, &beam, false), mean, 0.06);
+    }
+    assert!(off.0.is_empty(), "{:#?}", off.0);
 }

@@ -34,7 +34,10 @@ impl CalibratedEdges {
     /// - *Stretch and shear* at the facet's centroid: k = E/(1 + ν)·A/h, in all three directions. Together with the rings this makes any Voronoi partition strain evenly under an even stress.
     /// - *Fabric* M_i = sym Σ S⊗(c − x_i)/V_i over the cell's facets: 1 along what is held, 0 across a free surface. m = ½(tr M − eᵀMe), the mean of both sides, and t = normalise((M_i² + M_j²)·e), the
     ///   limb's direction as far as the cell knows it.
-    /// - *Bend* E·I/h′ and *twist* (1 − ½m)·G·J/h′ of the facet projected along t, about its own principal axes, with h′ = d·t and J = 0.95·A⁴/(4π²·I_p), at most I_p (Saint-Venant's estimate).
+    /// - *Bend* E·I/h′ of the facet projected along t, about its own principal axes, with h′ = d·t, and with b·A·Σ(s/h)·r rᵀ on top of its moments, of both sides: s is the distance from the particle to the facet, and r how far
+    ///   the facet's centroid lies, across t, from the mean of all of its cell's. A ring feels the mean stretch of a cell, and nothing of one that is longer on one side; this is what it misses there.
+    /// - *Twist* (1 − ½m − 2½m²)·G·J/h′, not below 0, with J = 0.95·A⁴/(4π²·I_p), at most I_p (Saint-Venant's estimate). A limb of one cell across has m = 0 and all of it. Two and three across cannot warp as a section does, which
+    ///   makes them too stiff with hardly any twist of their own; how much they get is fitted to bars, a tapered limb and an angle of 20 to 300 cells.
     /// - *Rings* for Poisson's ratio, see [`Rings`].
     ///
     /// # Errors
@@ -47,6 +50,33 @@ impl CalibratedEdges {
         volumes: &[f32],
         material: &Material,
         spin_radius: f32,
+    ) -> Result<(Self, Rings), CalibrationError> {
+        Self::make(particles, facets, volumes, material, spin_radius, true)
+    }
+
+    /// [`from_facets`](Self::from_facets) without rings: cheaper by these, and [`DirectEdges`](crate::DirectEdges) can solve it. Facets pull by E·A/h along the line between the particles and by E/(1 + ν)·A/h across, so limbs stretch and bend
+    /// as they do with rings, within about 8 %; what is thick in all directions does not thin where it is stretched, and gives up to a sixth too much.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`from_facets`](Self::from_facets).
+    pub fn from_facets_alone(
+        particles: &mut Particles,
+        facets: &[Facet],
+        volumes: &[f32],
+        material: &Material,
+        spin_radius: f32,
+    ) -> Result<Self, CalibrationError> {
+        Ok(Self::make(particles, facets, volumes, material, spin_radius, false)?.0)
+    }
+
+    fn make(
+        particles: &mut Particles,
+        facets: &[Facet],
+        volumes: &[f32],
+        material: &Material,
+        spin_radius: f32,
+        with_rings: bool,
     ) -> Result<(Self, Rings), CalibrationError> {
         material.check()?;
         not_negative("Poisson's ratio", material.poissons_ratio)?;
@@ -65,8 +95,12 @@ impl CalibratedEdges {
         let x = |i: u32| particles.rest_position[i as usize];
         let mut fabric = vec![Mat3A::ZERO; count];
         let mut distance = vec![(0.0f32, 0u32); count];
+        let mut walls: Vec<Vec<CellWall>> = vec![Vec::new(); count];
         for facet in &facets {
+            let along = (x(facet.pair[1]) - x(facet.pair[0])).normalize();
             for (end, sign) in [(facet.pair[0], 1.0), (facet.pair[1], -1.0)] {
+                let share = sign * facet.area.dot(facet.centroid - x(end));
+                walls[end as usize].push(CellWall { share: share.max(0.0), along, centroid: facet.centroid });
                 let volume = volumes[end as usize];
                 if volume > 0.0 {
                     fabric[end as usize] += outer(facet.area * sign, facet.centroid - x(end)) * (1.0 / volume);
@@ -99,14 +133,27 @@ impl CalibratedEdges {
             let limb = if limb.dot(d) > 0.0 { limb } else { along };
             let projected = Projection::new(facet, limb);
             let reach = d.dot(limb);
-            let twist = (1.0 - 0.5 * held.clamp(0.0, 1.0)) * g * projected.torsion() / reach;
+            let twist = (1.0 - held * (0.5 + 2.5 * held)).clamp(0.0, 1.0) * g * projected.torsion() / reach;
+            let projected = if with_rings && nu > 0.0 {
+                let missed = [i, j].into_iter().filter(|&i| volumes[i as usize] > 0.0).fold(Mat3A::ZERO, |sum, end| {
+                    let off = facet.centroid - mean_wall(&walls[end as usize], limb);
+                    let sign = if end == i { 1.0 } else { -1.0 };
+                    let share = (sign * facet.area.dot(facet.centroid - x(end)) / h).max(0.0);
+                    sum + outer(off, off) * (nu / (1.0 + nu) * share)
+                });
+                Projection::new(&Facet { moments: facet.moments + missed, ..*facet }, limb)
+            } else {
+                projected
+            };
             this.pairs.push(facet.pair);
             this.input.push(input[f as usize]);
             this.contact.push([facet.centroid - x(i), facet.centroid - x(j)]);
             this.rest_gap.push(Vec3A::ZERO);
-            this.frame.push(projected.frame);
             let stretch = h * (1.0 + nu) / (e * facet.area.dot(along));
-            this.stretch_compliance.push(Vec3A::splat(stretch));
+            this.frame.push(projected.frame);
+            // Without rings it is more along the line between the particles, as much of it as shows along the frame's axes.
+            let line = if with_rings { Vec3A::ZERO } else { projected.frame.inverse() * along };
+            this.stretch_compliance.push(Vec3A::splat(stretch) / (1.0 + line * line * nu));
             // About y bends what is off the axis along z.
             let bend = Vec3A::new(twist, e * projected.moments[1] / reach, e * projected.moments[0] / reach);
             this.bend_compliance.push(bend.max(Vec3A::ZERO).recip());
@@ -124,7 +171,7 @@ impl CalibratedEdges {
                 }
             }
         }
-        let rings = Rings::new(particles, &facets, volumes, material, &rank);
+        let rings = if with_rings { Rings::new(particles, &facets, volumes, material, &rank) } else { Rings::default() };
         Ok((this, rings))
     }
 }
@@ -152,6 +199,28 @@ fn check(particles: &Particles, facets: &[Facet], volumes: &[f32], material: &Ma
         }
     }
     Ok(())
+}
+
+/// A facet as one of its cells sees it.
+#[derive(Clone, Copy)]
+struct CellWall {
+    /// Of the cell's volume, what lies between its particle and the facet, thrice \[m³\].
+    share: f32,
+    /// The line between the particles.
+    along: Vec3A,
+    centroid: Vec3A,
+}
+
+/// Where, on the average, a cell's ring feels a stretch along `axis`; the facets' mean place if none lies that way.
+fn mean_wall(walls: &[CellWall], axis: Vec3A) -> Vec3A {
+    let (mut sum, mut total) = (Vec3A::ZERO, 0.0);
+    for wall in walls {
+        let cos = wall.along.dot(axis);
+        let weight = wall.share * (cos * cos + 1e-6);
+        sum += wall.centroid * weight;
+        total += weight;
+    }
+    if total > 0.0 { sum / total } else { walls.first().map_or(Vec3A::ZERO, |w| w.centroid) }
 }
 
 /// a·bᵀ

@@ -44,9 +44,9 @@ impl CalibratedEdges {
         };
         let (e, g) = (material.youngs_modulus, material.shear_modulus());
         let moments = Vec3A::new(g * limb.section.torsion, e * limb.section.bending, e * limb.section.bending) / limb.section.area;
-        // A/h from k = E/(1 + ν)·A/h.
+        // A/h from k = E/(1 + ν)·A/h, which is what is softest.
         let of_section: Vec<Vec3A> =
-            self.stretch_compliance.iter().map(|c| moments * ((1.0 + material.poissons_ratio) / (e * c.x))).collect();
+            self.stretch_compliance.iter().map(|c| moments * ((1.0 + material.poissons_ratio) / (e * c.max_element()))).collect();
         let bend = ninth_tenth(weights(&particles.inverse_inertia, &self.pairs).zip(&of_section).map(|(w, k)| w * k.max_element()));
         let stretch = ninth_tenth(weights(&particles.inverse_mass, &self.pairs).zip(&self.stretch_compliance).map(|(w, c)| w / c.x));
         let cap = match (bend, stretch) {

@@ -45,9 +45,9 @@ fn bar(across: u32, size: f32) -> (Rig, Cells) {
         places.push(place);
         cells.volumes.push(0.0);
     }
+    cells.facets.sort_by_key(|f| f.pair);
     let particle = |&position: &Vec3| Particle { position, frame: Quat::IDENTITY, radii: Vec3::splat(0.3 * size), mass: 0.5 };
-    let mut edges: Vec<[u32; 2]> = cells.facets.iter().map(|f| f.pair).collect();
-    edges.sort_unstable();
+    let edges = cells.facets.iter().map(|f| f.pair).collect();
     (Rig { mesh_hash: MeshHash(0), particles: places.iter().map(particle).collect(), edges, ..Rig::default() }, cells)
 }
 
@@ -136,6 +136,26 @@ fn a_rig_with_cells_is_as_stiff_as_its_material() {
     let (error, needed) = hang(&mut app, body, 2, 0.125, rods.material, None);
     println!("from the rig: sag {:+.1} % with {needed} substeps", 100.0 * error);
     assert!(error.abs() < 0.03 && needed > 10, "{error} with {needed}");
+}
+
+/// A bar whose far half is four times as heavy: as a rig's regions may say.
+#[test]
+fn cells_are_as_dense_as_the_rig_says() {
+    let (mut rig, _) = half_a_bar(1, 0.25);
+    let even = rig.clone();
+    for particle in rig.particles.iter_mut().filter(|p| p.position.x > 0.25) {
+        particle.mass *= 4.0;
+    }
+    let cells = rig.cells.clone().unwrap();
+    let mut app = simulation();
+    let bodies = [rig.clone(), even].map(|rig| app.world_mut().spawn((SoftBody::new(rig), Transform::from_scale(Vec3::splat(2.0)))).id());
+    steps(&mut app, 2);
+    let [own, even] = bodies.map(|body| app.world().get::<Particles>(body).unwrap());
+    for (i, particle) in rig.particles.iter().enumerate().filter(|(i, _)| cells.volumes[*i] > 0.0) {
+        let (mass, times) = (particle.mass * 8.0, if particle.position.x > 0.25 { 4.0 } else { 1.0 });
+        assert!((own.mass[i] / mass - 1.0).abs() < 1e-5, "{i}: {} of {mass}", own.mass[i]);
+        assert!((own.inertia[i] / even.inertia[i] / times - 1.0).abs() < 1e-5, "{i}: spin is heavier, too");
+    }
 }
 
 /// Rods that came with the rig go with it; those of somebody's own stay, and taken off they stay off.
@@ -246,7 +266,9 @@ fn bad_cells_are_refused_by_name() {
     for (rods, reason) in [
         (bad(&|_, c| c.volumes.truncate(3)), "the volume of particle 3 of 5 is not 0 or more"),
         (bad(&|_, c| c.volumes[1] = f32::NAN), "the volume of particle 1 of 5 is not 0 or more"),
-        (bad(&|_, c| c.facets[1].pair[1] = 77), "facet 1: 1 and 77 are not two of 5 particles"),
+        (bad(&|_, c| c.facets[1].pair[1] = 77), "facet 1: 0 and 77 are not two of 5 particles"),
+        (bad(&|_, c| c.densities = vec![1000.0]), "the number of densities is 1, not one a particle"),
+        (bad(&|_, c| c.densities = vec![0.0; 5]), "the density of a cell is 0, not positive and normal"),
         (bad(&|_, c| c.facets[2].area = Vec3A::ZERO), "facet 2: it does not face from its first particle to its second"),
         (bad(&|_, c| c.facets[2].area *= 1e38), "facet 2: its numbers are too large or too small"),
         (bad(&|_, c| c.limb = Some(flat)), "the length of the limb's axis is 0, not positive and normal"),

@@ -44,7 +44,7 @@ impl Rods {
         Self { material, shape: RodShape::Cells(cells), solve: RodSolve::Sweep { spin_radius: 0.0 }, retardation: 0.0 }
     }
 
-    /// The rods of a rig's cells, for a body `scale` times as large; `None` for a rig without. Its density is that of the rig's particles on the average. A limb has a spin radius of 0.12 of its length; take `limb` out of the
+    /// The rods of a rig's cells, for a body `scale` times as large; `None` for a rig without. Its density is that of the rig's particles on the average, and each cell has its own where they differ. A limb has a spin radius of 0.12 of its length; take `limb` out of the
     /// [`Cells`] for a body that is to stretch as its material does, and takes substeps for it.
     pub fn of_rig(rig: &Rig, scale: f32) -> Option<Self> {
         let cells = rig.cells.as_ref()?;
@@ -68,14 +68,15 @@ impl Rods {
             Limb { axis: l.axis.into(), section: Section { area: l.area * area, bending, torsion, shear: 5.0 / 6.0 } }
         };
         let made_of = cells.material;
+        let density = (mass / filled) as f32;
+        let own = |(particle, &volume): (&polpo_rig::Particle, &f32)| if volume > 0.0 { particle.mass / volume } else { density };
+        let densities: Vec<f32> = rig.particles.iter().zip(&cells.volumes).map(own).collect();
+        let even = densities.iter().all(|d| (d / density - 1.0).abs() < 1e-4);
         Some(Self {
-            material: Material {
-                youngs_modulus: made_of.youngs_modulus,
-                poissons_ratio: made_of.poissons_ratio,
-                density: (mass / filled) as f32,
-            },
+            material: Material { youngs_modulus: made_of.youngs_modulus, poissons_ratio: made_of.poissons_ratio, density },
             shape: RodShape::Cells(Cells {
                 volumes: cells.volumes.iter().map(|v| v * volume).collect(),
+                densities: if even { Vec::new() } else { densities },
                 facets: cells.facets.iter().map(facet).collect(),
                 limb: cells.limb.map(limb),
                 without_rings: made_of.fidelity == Fidelity::Edges,
@@ -112,6 +113,8 @@ pub enum RodShape {
 pub struct Cells {
     /// The volume of each particle's cell \[m³\]; 0 for a particle without one, and for walls, which have facets and are to be pinned in place and rotation.
     pub volumes: Vec<f32>,
+    /// The density of each cell \[kg/m³\], one a particle, where they are not all that of the material; empty if they are. Of a particle without a cell it does not count.
+    pub densities: Vec<f32>,
     /// Where cells touch, each pair once. Small facets count too: left out, they cost stiffness.
     pub facets: Vec<Facet>,
     /// If the body is one slender limb, its direction and section: it needs two fifths of the substeps then, and is too soft against stretch only; with a spin radius of about 0.12 of its length.
@@ -265,7 +268,8 @@ fn make(rig: &Rig, particles: &mut Particles, rods: &Rods, before: Vec<[f32; 2]>
     };
     let (mut edges, rings) = match &rods.shape {
         RodShape::Section { section, edges } => (bars(rig, particles, rods, *section, edges.as_deref(), spin_radius)?, Rings::default()),
-        RodShape::Cells(Cells { volumes, facets, limb, without_rings }) => {
+        RodShape::Cells(cells) => {
+            let Cells { volumes, facets, limb, without_rings, .. } = cells;
             let radius = spin_radius.unwrap_or(0.0);
             let (mut edges, mut rings) = if *without_rings {
                 let edges = polpo_solver::CalibratedEdges::from_facets_alone(particles, facets, volumes, &rods.material, radius)?;
@@ -273,6 +277,7 @@ fn make(rig: &Rig, particles: &mut Particles, rods: &Rods, before: Vec<[f32; 2]>
             } else {
                 polpo_solver::CalibratedEdges::from_facets(particles, facets, volumes, &rods.material, radius)?
             };
+            weigh(particles, cells, rods.material.density)?;
             if let Some(limb) = limb {
                 edges.cap_stretch(&mut rings, &walls_pinned(particles, volumes), &rods.material, limb)?;
             }
@@ -317,6 +322,30 @@ fn bars(
     }
     let edges = polpo_solver::Edges::new(particles, &pairs)?;
     Ok(polpo_solver::CalibratedEdges::rods(particles, &edges, &rods.material, &section, spin_radius, &seam)?)
+}
+
+/// Gives cells their own densities instead of that of the material.
+fn weigh(particles: &mut Particles, cells: &Cells, density: f32) -> Result<(), CalibrationError> {
+    let Cells { volumes, densities, .. } = cells;
+    if densities.is_empty() {
+        return Ok(());
+    }
+    if densities.len() != volumes.len() {
+        return Err(CalibrationError::Range {
+            what: "the number of densities",
+            value: densities.len() as f32,
+            range: "not one a particle",
+        });
+    }
+    for (i, (&own, &volume)) in densities.iter().zip(volumes).enumerate().filter(|(_, (_, volume))| **volume > 0.0) {
+        if !(own > 0.0 && own.is_normal()) {
+            return Err(CalibrationError::Range { what: "the density of a cell", value: own, range: "not positive and normal" });
+        }
+        let inertia = particles.inertia[i] * (own / density);
+        particles.set_mass(i, own * volume);
+        particles.set_inertia(i, inertia);
+    }
+    Ok(())
 }
 
 /// The particles with those pinned that have no cell, as they are to be, and no others: whether a substep will do should not depend on who is held just now.

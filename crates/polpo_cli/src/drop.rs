@@ -21,8 +21,6 @@ use rapier3d::prelude::ColliderBuilder;
 
 use crate::draw::pose::Pose;
 use crate::error::CliError;
-use crate::material;
-use crate::recipe::MaterialOptions;
 
 /// Steps a second \[Hz\].
 pub(crate) const RATE: f32 = 60.0;
@@ -39,11 +37,10 @@ pub(crate) struct Fall {
     /// About an axis that leans \[rad/s\].
     pub(crate) spin: f32,
     pub(crate) count: usize,
-    /// Frequency of its groups \[Hz\], instead of the default or the material.
+    /// Frequency of its groups \[Hz\], instead of the default.
     pub(crate) hertz: Option<f32>,
     pub(crate) substeps: Option<u32>,
     pub(crate) threads: Option<usize>,
-    pub(crate) material: MaterialOptions,
 }
 
 /// A body after its fall.
@@ -129,22 +126,6 @@ fn app(threads: Option<usize>, substeps: Option<u32>) -> App {
     app
 }
 
-/// How many substeps a step of 1/60 s takes for a body of `rig` to be as stiff as its material; none without one.
-///
-/// # Errors
-/// If the body cannot be, or cannot have its cells.
-pub(crate) fn substeps_needed(rig: &Rig, name: &str) -> Result<Option<u32>, CliError> {
-    let Some(rods) = material::rods(rig, 1.0, &MaterialOptions::default()) else { return Ok(None) };
-    let mut app = app(None, None);
-    let body = app.world_mut().spawn((SoftBody::new(rig.clone()), rods)).id();
-    // The first update has no time in it.
-    for _ in 0..2 {
-        app.update();
-        app.world_mut().resource_mut::<Refused>().check(name)?;
-    }
-    Ok(app.world().get::<CalibratedEdges>(body).map(CalibratedEdges::substeps_needed))
-}
-
 /// Drops bodies of `rig` one above the other.
 ///
 /// # Errors
@@ -152,7 +133,6 @@ pub(crate) fn substeps_needed(rig: &Rig, name: &str) -> Result<Option<u32>, CliE
 pub(crate) fn fall(rig: &Arc<Rig>, name: &str, fall: &Fall, progress: &ProgressBar) -> Result<Landing, CliError> {
     let mut app = app(fall.threads, fall.substeps);
     let (low, high) = rest_span(rig, fall.scale);
-    let rods = if fall.hertz.is_none() { material::rods(rig, fall.scale, &fall.material) } else { None };
     for index in 0..fall.count {
         let y = fall.height - low + 1.2 * (high - low) * index as f32;
         let mut body = app.world_mut().spawn((
@@ -162,9 +142,6 @@ pub(crate) fn fall(rig: &Arc<Rig>, name: &str, fall: &Fall, progress: &ProgressB
         if let Some(hertz) = fall.hertz {
             // In the defaults' proportion.
             body.insert((ShapeMatching::new(Stiffness::hertz(hertz)), DistanceConstraints::new(Stiffness::hertz(1.6 * hertz))));
-        }
-        if let Some(rods) = &rods {
-            body.insert(rods.clone());
         }
         body.insert(SoftBody::new(rig.clone()));
     }

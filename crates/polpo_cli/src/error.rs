@@ -43,6 +43,14 @@ pub(crate) enum CliError {
         /// Why.
         source: polpo::CapabilityError,
     },
+    /// A material that the rig's cells cannot have.
+    #[error("{name}: the body cannot be as stiff as its material")]
+    Material {
+        /// The mesh.
+        name: String,
+        /// Why.
+        source: polpo::CalibrationError,
+    },
     /// An option does not go with the rig.
     #[error("{name}: {what}")]
     Option {

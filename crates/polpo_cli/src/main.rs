@@ -6,7 +6,6 @@ mod drop;
 mod error;
 mod figures;
 mod inspect;
-mod material;
 mod number;
 mod output;
 mod progress;

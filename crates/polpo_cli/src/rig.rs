@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use polpo_references::{MaterialNeeds, material_needs};
 use polpo_rig::{RigError, embed_rig, read_mesh};
 use serde::Serialize;
 
@@ -41,12 +42,30 @@ struct Report {
     recipe: Option<PathBuf>,
     /// What an artist should know.
     notes: Vec<String>,
-    /// Substeps that a step of 1/60 s needs to be as stiff as the material; null without a material.
-    substeps_needed: Option<u32>,
+    /// What the material takes; null without one.
+    needs: Option<Needs>,
     /// How long each stage took \[s\], in order.
     stages_s: Vec<(String, f64)>,
     /// The rig's file; null if none was written.
     written: Option<PathBuf>,
+}
+
+/// What it takes to be as stiff as the material.
+#[derive(Serialize)]
+struct Needs {
+    /// Substeps that a step of 1/60 s needs.
+    substeps: u32,
+    /// The same if a limb's stretch were not made softer to take fewer; the same number for what is no limb.
+    substeps_uncapped: u32,
+    /// What fewer substeps give.
+    fewer: Vec<Fewer>,
+}
+
+#[derive(Serialize)]
+struct Fewer {
+    substeps: u32,
+    /// By what share it then gives too much, about.
+    softness: f32,
 }
 
 /// Whether it was done, which it was if there is no error.
@@ -63,13 +82,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
     let (used, file) = arguments.recipe.recipe(path)?;
     let (built, stages) = progress::build(&mesh, &used, arguments.print.quiet)?;
     let rig = built.rig;
+    let material = |source| CliError::Material { name: path.display().to_string(), source };
+    let needs = material_needs(&rig, drop::RATE).transpose().map_err(material)?;
     let mut report = Report {
         mesh: MeshFigures::of(&mesh),
         rig: RigFigures::of(&rig),
         coverage: CoverageFigures::of(&mesh, &rig),
         recipe: file,
         notes: built.notes.iter().map(ToString::to_string).collect(),
-        substeps_needed: drop::substeps_needed(&rig, &path.display().to_string())?,
+        needs: needs.as_ref().map(Needs::of),
         stages_s: stages.into_iter().map(|(name, took)| (name, took.as_secs_f64())).collect(),
         written: None,
     };
@@ -91,18 +112,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
             recipe_file = Some(to);
         }
     }
-    arguments.print.give(&report, &tell(&report, recipe_file.as_deref()))?;
+    arguments.print.give(&report, &tell(&report, needs.as_ref(), recipe_file.as_deref()))?;
     Ok(true)
 }
 
-fn tell(report: &Report, recipe_file: Option<&Path>) -> String {
+impl Needs {
+    fn of(needs: &MaterialNeeds) -> Self {
+        let fewer = needs.fewer.iter().map(|&(substeps, softness)| Fewer { substeps, softness }).collect();
+        Self { substeps: needs.substeps, substeps_uncapped: needs.uncapped, fewer }
+    }
+}
+
+fn tell(report: &Report, needs: Option<&MaterialNeeds>, recipe_file: Option<&Path>) -> String {
     let mut text = String::new();
     report.mesh.tell(&mut text);
     report.rig.tell(&mut text);
     report.coverage.tell(&mut text);
     // Writing to a string does not fail.
-    if let Some(substeps) = report.substeps_needed {
-        let _ = writeln!(text, "substeps   {substeps} a step of 1/60 s to be as stiff as the material");
+    if let Some(needs) = needs {
+        let _ = writeln!(text, "stiffness  needs {needs}");
     }
     for note in &report.notes {
         let _ = writeln!(text, "note       {note}");

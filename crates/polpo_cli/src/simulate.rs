@@ -156,9 +156,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<bool, CliError> {
         hertz: scene.hertz,
         substeps: scene.substeps,
         threads: scene.threads.map(|n| n as usize),
-        material: arguments.recipe.material.clone(),
     };
-    let rig = Arc::new(source.rig.clone());
+    let mut rig = source.rig.clone();
+    // In place of the material, or with another one.
+    rig.cells = rig.cells.filter(|_| scene.hertz.is_none());
+    if let Some(cells) = &mut rig.cells {
+        cells.material = arguments.recipe.material.over(Some(cells.material)).unwrap_or(cells.material);
+    }
+    let rig = Arc::new(rig);
     let bar = progress::bar(0, quiet);
     let landing = drop::fall(&rig, &name, &fall, &bar);
     bar.finish_and_clear();

@@ -108,6 +108,13 @@ impl CellBody {
             Fidelity::Cells => CalibratedEdges::from_facets(of.0, of.1, of.2, of.3, of.4)?,
             Fidelity::Edges => (CalibratedEdges::from_facets_alone(of.0, of.1, of.2, of.3, of.4)?, Rings::default()),
         };
+        // What of the body is denser than the rest.
+        for i in (0..self.cells).filter(|&i| self.volumes[i] > 0.0) {
+            let share = self.particles.mass[i] / particles.mass[i];
+            let inertia = particles.inertia[i] * share;
+            particles.set_mass(i, self.particles.mass[i]);
+            particles.set_inertia(i, inertia);
+        }
         for i in self.cells..particles.len() {
             particles.pin(i, true, true);
         }

@@ -57,7 +57,7 @@ impl fmt::Display for MaterialNeeds {
             write!(f, " (as a limb whose stretch is softer; {} without that)", self.uncapped)?;
         }
         for (substeps, softness) in &self.fewer {
-            write!(f, "; {substeps}: at least {:.0} % too soft", 100.0 * softness)?;
+            write!(f, "; {substeps} give about {:.0} % too much", 100.0 * softness)?;
         }
         Ok(())
     }

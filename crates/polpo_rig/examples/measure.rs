@@ -53,10 +53,26 @@ fn main() -> Result<(), Box<dyn Error>> {
     let start = Instant::now();
     let found = coverage(&mesh, rig);
     println!("  {}, measured in {:.2} s", told(found, mesh_size), start.elapsed().as_secs_f64());
+    println!("  the skin's weights change {:.1} times a spacing where they change fastest", steepest(&mesh, rig));
     if arguments.iter().any(|a| a == "spheres") {
         spheres(&mesh, &recipe, found)?;
     }
     Ok(())
+}
+
+/// How many times weights change from one particle wholly to another on the way of one spacing, at most, along the triangles' sides; a jump is 20.
+fn steepest(mesh: &Mesh, rig: &Rig) -> f32 {
+    let length = |e: &[u32; 2]| rig.particles[e[0] as usize].position.distance(rig.particles[e[1] as usize].position);
+    let spacing = rig.edges.iter().map(length).sum::<f32>() / rig.edges.len().max(1) as f32;
+    let sides = mesh.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+    let steepness = sides.map(|side| {
+        let [a, b] = side.map(|v| v as usize);
+        let mut shares: BTreeMap<u32, f32> = rig.skin[a].used().collect();
+        rig.skin[b].used().for_each(|(particle, weight)| *shares.entry(particle).or_default() -= weight);
+        let change = 0.5 * shares.values().map(|c| c.abs()).sum::<f32>();
+        change / (mesh.positions[a].distance(mesh.positions[b]) / spacing).max(0.05)
+    });
+    steepness.fold(0.0, f32::max)
 }
 
 fn told(c: Coverage, size: f32) -> String {

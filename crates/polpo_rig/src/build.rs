@@ -76,7 +76,7 @@ impl Stage {
 /// inside, whatever their waves. A region is sampled as if it were a part of its own, so it has a particle at least. The same shape at another scale gives the same rig at that scale, up to rounding.
 ///
 /// Takes about two seconds of one core and 50 MB for 300 particles, ten seconds and 1 GB for a million triangles, half a minute and
-/// 400 MB for 100,000 particles. With a material, for whose cells there are eleven voxels across each instead of eight to nine, up to twice that.
+/// 400 MB for 100,000 particles. With a material, for whose cells there are eleven voxels across each instead of eight to nine, three to four times that.
 ///
 /// # Errors
 /// [`RigError::Setting`] for a recipe that [`Recipe::validate`] refuses, for a spacing that takes more than 100,000 particles or a
@@ -156,7 +156,7 @@ pub fn build_rig_with(mesh: &Mesh, recipe: &Recipe, progress: &mut dyn FnMut(Sta
     // Voxels count the volume to a few percent; the mesh itself knows better, unless it crosses itself.
     let counted = voxels.len() as f64 * voxels.size * voxels.size * voxels.size;
     let volume = surface.volume().filter(|&v| voxels.may_be(v, &surface)).unwrap_or(counted);
-    let cells = fill.map(|(material, fill)| Cells::new(material, &surface, &voxels, &fill, &sample, &edges, volume));
+    let cells = fill.map(|(material, fill)| Cells::new(material, &surface, &fill, &sample, &edges, &edits, volume));
     let voxel = scale * scale * scale * volume / voxels.len() as f64;
     let volume = |i: usize| cells.as_ref().map_or(voxel * f64::from(sample.volumes[i]), |c| c.volumes[i].into());
     // The mean over a cell's voxels.

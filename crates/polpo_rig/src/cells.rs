@@ -1,15 +1,17 @@
 //! Cells: how the particles divide the body's volume between them, and where the parts touch.
 
+use std::collections::BTreeSet;
+
 use glam::{DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::clean::{DisjointSets, Surface};
+use crate::edit::Edits;
 use crate::ellipsoids::outer;
 use crate::facets::{self, Patch};
 use crate::fill::Fill;
 use crate::recipe::RecipeMaterial;
 use crate::sample::Sample;
-use crate::voxels::Voxels;
 use crate::{RigFault, limb};
 
 /// What makes a body as stiff as its material: the volume of each particle's cell, and the facets between cells.
@@ -54,14 +56,14 @@ pub struct Limb {
 }
 
 impl Cells {
-    /// The cells of a settled sample. `edges` tie what does not touch; the volumes add up to `volume`, in the unit box.
+    /// The cells of a settled sample. `edges` tie what does not touch, and `edits` what they say; the volumes add up to `volume`, in the unit box.
     pub(crate) fn new(
         material: RecipeMaterial,
         surface: &Surface,
-        voxels: &Voxels,
         fill: &Fill<'_>,
         sample: &Sample,
         edges: &[[u32; 2]],
+        edits: &Edits<'_>,
         volume: f64,
     ) -> Cells {
         let mut volumes = vec![0.0; sample.positions.len()];
@@ -71,7 +73,11 @@ impl Cells {
         let unit = volume / volumes.iter().sum::<f64>();
         volumes.iter_mut().for_each(|v| *v *= unit);
 
-        let mut patches = facets::between(voxels, fill, sample);
+        let mut patches = facets::between(fill, sample);
+        patches.retain(|patch| !edits.cut.contains(&patch.pair));
+        let facing: BTreeSet<[u32; 2]> = patches.iter().map(|patch| patch.pair).collect();
+        let made = edits.tied.difference(&facing).copied();
+        patches.extend(made.filter_map(|pair| tie(pair, sample, &volumes)));
         let mut sets = DisjointSets::new(volumes.len());
         for patch in &patches {
             sets.join(patch.pair[0], patch.pair[1]);
@@ -91,7 +97,7 @@ impl Cells {
                 moments: [x.x, y.y, z.z, x.y, x.z, y.z].map(|m| m as f32),
             }
         });
-        let limb = limb::find(fill, voxels.size).map(|bar| Limb {
+        let limb = limb::find(fill).map(|bar| Limb {
             axis: bar.axis.as_vec3(),
             length: (bar.length * scale) as f32,
             area: (bar.area * area) as f32,

@@ -23,9 +23,9 @@ use crate::{Note, RigError};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Edit {
-    /// Ties the particles at two places by an edge, if they aren't.
+    /// Ties the particles at two places by an edge, if they aren't; by a facet, too, where the recipe has a material.
     Connect([[f32; 3]; 2]),
-    /// Takes away the edge between the particles at two places, unless the body would fall apart.
+    /// Takes away the edge between the particles at two places, and the facet, unless the body would fall apart.
     Disconnect([[f32; 3]; 2]),
     /// Moves the particle at the first place to the second, which is in the body or so near that it can be drawn into it. A part or a region keeps one at least.
     Move([[f32; 3]; 2]),
@@ -55,11 +55,14 @@ pub(crate) struct Edits<'a> {
     edits: &'a [Edit],
     surface: &'a Surface,
     left: Vec<(usize, &'static str)>,
+    /// What pairs were tied and cut, the smaller index first.
+    pub(crate) tied: BTreeSet<[u32; 2]>,
+    pub(crate) cut: BTreeSet<[u32; 2]>,
 }
 
 impl<'a> Edits<'a> {
     pub(crate) fn new(edits: &'a [Edit], surface: &'a Surface) -> Self {
-        Edits { edits, surface, left: Vec::new() }
+        Edits { edits, surface, left: Vec::new(), tied: BTreeSet::new(), cut: BTreeSet::new() }
     }
 
     /// A place in the unit box.
@@ -102,30 +105,37 @@ impl<'a> Edits<'a> {
             let (a, b) = (a? as u32, b? as u32);
             if a == b { Err("both places mean the same particle") } else { Ok([a.min(b), a.max(b)]) }
         };
-        let mut tied: BTreeSet<[u32; 2]> = edges.iter().copied().collect();
+        let mut all: BTreeSet<[u32; 2]> = edges.iter().copied().collect();
+        let (mut tied, mut cut) = (BTreeSet::new(), BTreeSet::new());
         self.each(|this, edit| match edit {
             Edit::Connect(places) => {
-                tied.insert(pair(this, places)?);
+                let pair = pair(this, places)?;
+                all.insert(pair);
+                tied.insert(pair);
+                cut.remove(&pair);
                 Ok(())
             }
             Edit::Disconnect(places) => {
                 let pair = pair(this, places)?;
-                if !tied.remove(&pair) {
+                if !all.remove(&pair) {
                     return Err("there is no edge between these particles");
                 }
                 let mut sets = DisjointSets::new(sample.positions.len());
-                for &[a, b] in &tied {
+                for &[a, b] in &all {
                     sets.join(a, b);
                 }
                 if sets.root(pair[0]) == sets.root(pair[1]) {
+                    tied.remove(&pair);
+                    cut.insert(pair);
                     return Ok(());
                 }
-                tied.insert(pair);
+                all.insert(pair);
                 Err("without this edge the body would fall apart")
             }
             Edit::Move(_) | Edit::Add(_) | Edit::Remove(_) => Ok(()),
         });
-        *edges = tied.into_iter().collect();
+        *edges = all.into_iter().collect();
+        (self.tied, self.cut) = (tied, cut);
     }
 
     /// What to tell of the edits that were left, in their order.

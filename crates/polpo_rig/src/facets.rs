@@ -37,7 +37,7 @@ struct Sums {
 }
 
 /// The facets between all cells that touch, sorted by their pairs.
-pub(crate) fn between(voxels: &Voxels, fill: &Fill<'_>, sample: &Sample) -> Vec<Patch> {
+pub(crate) fn between(fill: &Fill<'_>, sample: &Sample) -> Vec<Patch> {
     let owner = |v: u32| sample.owner[v as usize];
     let mut table: BTreeMap<[u32; 2], ([Sums; 3], bool)> = BTreeMap::new();
     fill.faces(
@@ -57,7 +57,7 @@ pub(crate) fn between(voxels: &Voxels, fill: &Fill<'_>, sample: &Sample) -> Vec<
     );
     // What only touches where the body reaches into a voxel is beside a corner, or across the air.
     let touching = table.into_iter().filter(|(_, (_, touches))| *touches);
-    touching.filter_map(|(pair, (sums, _))| patch(voxels, sample, pair, &sums)).collect()
+    touching.filter_map(|(pair, (sums, _))| patch(fill.voxels, sample, pair, &sums)).collect()
 }
 
 /// `None` for what does not face from one particle to the other: a cell bent around its neighbour.

@@ -20,7 +20,7 @@ type Plane = (DVec3, DVec3);
 
 /// The shares of voxels and faces that are in the body.
 pub(crate) struct Fill<'a> {
-    voxels: &'a Voxels,
+    pub(crate) voxels: &'a Voxels,
     /// For each voxel of the body, the volume that counts with it in voxels, and the middle of that.
     pub(crate) parts: Vec<(f64, DVec3)>,
     planes: Vec<Plane>,

@@ -18,6 +18,7 @@ mod budget;
 mod build;
 mod cells;
 mod clean;
+mod cliffs;
 mod coverage;
 mod domain;
 mod edges;

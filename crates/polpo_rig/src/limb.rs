@@ -31,8 +31,9 @@ pub(crate) struct Bar {
     pub(crate) torsion: f64,
 }
 
-/// The bar that the body is, if it is one. `size` is the side of a voxel.
-pub(crate) fn find(fill: &Fill<'_>, size: f64) -> Option<Bar> {
+/// The bar that the body is, if it is one.
+pub(crate) fn find(fill: &Fill<'_>) -> Option<Bar> {
+    let size = fill.voxels.size;
     let volume: f64 = fill.parts.iter().map(|p| p.0).sum();
     let middle = fill.parts.iter().fold(DVec3::ZERO, |sum, (share, x)| sum + *x * *share) / volume;
     let spread = fill.parts.iter().fold(DMat3::ZERO, |sum, (share, x)| sum + outer(*x - middle) * *share);

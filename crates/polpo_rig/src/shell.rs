@@ -49,12 +49,20 @@ pub(crate) struct Shares {
 }
 
 impl Shares {
-    fn whole(particle: u32) -> Shares {
+    pub(crate) fn whole(particle: u32) -> Shares {
         Shares { count: 1, particles: [particle; MOST_INFLUENCES], shares: [1.0; MOST_INFLUENCES] }
     }
 
     fn is_whole(&self, particle: u32) -> bool {
         self.count == 1 && self.particles[0] == particle
+    }
+
+    /// Half the sum of all differences: 0 for the same shares, 1 for other particles.
+    pub(crate) fn change(&self, other: &Shares) -> f32 {
+        let of = |shares: &Shares, particle| shares.iter().find(|s| s.0 == particle).map_or(0.0, |s| s.1);
+        let ours = self.iter().map(|(particle, share)| (share - of(other, particle)).max(0.0)).sum::<f32>();
+        let theirs = other.iter().map(|(particle, share)| (share - of(self, particle)).max(0.0)).sum::<f32>();
+        0.5 * (ours + theirs)
     }
 
     /// The particles with their shares, heaviest first.
@@ -127,6 +135,8 @@ pub(crate) struct Shell {
     shares: Vec<Shares>,
     /// Pairs of voxels that the skin joins and the voxels' links don't, both ways, sorted.
     seams: Vec<(u32, u32)>,
+    /// Of the particles' cells, along their longer axes.
+    pub(crate) widths: Vec<f64>,
 }
 
 impl Shell {
@@ -140,12 +150,13 @@ impl Shell {
         let owner = |voxel: u32| sample.owner[voxel as usize];
         // How many whole rounds each cell takes.
         let unit = BLUR / (12.0 * SPREAD * voxels.size * voxels.size);
-        let wanted: Vec<f64> = volume_covariances(voxels, sample).into_iter().map(|c| unit * width_squared(c)).collect();
+        let widths: Vec<f64> = volume_covariances(voxels, sample).into_iter().map(|c| width_squared(c).sqrt()).collect();
+        let wanted: Vec<f64> = widths.iter().map(|width| unit * width * width).collect();
         let rounds = members.iter().map(|&v| wanted[owner(v) as usize]).fold(0.0, f64::max).ceil().clamp(1.0, ROUNDS);
         let mixing: Vec<f32> = wanted.iter().map(|w| (w / rounds).min(1.0) as f32).collect();
 
         let mut mixer = Mixer::new(sample.positions.len(), most.max(FEWEST));
-        let mut shell = Shell { place, shares: members.iter().map(|&voxel| Shares::whole(owner(voxel))).collect(), seams };
+        let mut shell = Shell { place, shares: members.iter().map(|&voxel| Shares::whole(owner(voxel))).collect(), seams, widths };
         let mut mixed = shell.shares.clone();
         for _ in 0..rounds as usize {
             for ((mixed, own), &voxel) in mixed.iter_mut().zip(&shell.shares).zip(&members) {

@@ -2,14 +2,15 @@
 //!
 //! A vertex takes the shares of the voxels right under it ([`Shell`]) by quadratic B-splines of its place among them, and only of those
 //! that the body links with the one it lies in: nothing bleeds from one limb to the next, and how finely the mesh is divided does not
-//! matter.
+//! matter. What cliffs are left are levelled (`cliffs`).
 
 use glam::DVec3;
 
 use crate::Influences;
 use crate::clean::Surface;
+use crate::cliffs;
 use crate::sample::Sample;
-use crate::shell::{Mixer, Shell};
+use crate::shell::{Mixer, Shares, Shell};
 use crate::voxels::Voxels;
 
 /// The influences of every vertex of the mesh (welded vertices share theirs), `most` at most.
@@ -17,17 +18,10 @@ pub(crate) fn weigh(surface: &Surface, voxels: &Voxels, sample: &Sample, most: u
     let normals = mitres(surface);
     let shell = Shell::new(surface, voxels, sample, &normals, most);
     let mut mixer = Mixer::new(sample.positions.len(), most);
-    let mut skin: Vec<Influences> = Vec::with_capacity(surface.welded.len());
-    // Where in the skin the welded vertices are: they are numbered in the order in which they come.
-    let mut first: Vec<usize> = Vec::with_capacity(surface.positions.len());
-    for v in surface.welded.iter().map(|&v| v as usize) {
-        if let Some(&same) = first.get(v) {
-            skin.push(skin[same]);
-            continue;
-        }
-        first.push(skin.len());
-        let voxel = voxels.under(surface.positions[v], normals[v]);
-        let below = surface.positions[v] - normals[v] * (0.5 * voxels.size);
+    let mut skin: Vec<Shares> = Vec::with_capacity(surface.positions.len());
+    for (&position, &normal) in surface.positions.iter().zip(&normals) {
+        let voxel = voxels.under(position, normal);
+        let below = position - normal * (0.5 * voxels.size);
         let centre = voxels.centre(voxel);
         // Where the point is in no voxel, the nearest place in the one that stands for it.
         let point = ((below - centre) / voxels.size).clamp(DVec3::splat(-0.5), DVec3::splat(0.5));
@@ -39,10 +33,15 @@ pub(crate) fn weigh(surface: &Surface, voxels: &Voxels, sample: &Sample, most: u
             add(voxel, own);
         }
         shell.around(voxels, voxel).for_each(|(near, shares, _)| add(near, shares));
-        let kept: Vec<(u32, f64)> = mixer.keep().iter().map(|(particle, share)| (particle, share.into())).collect();
-        skin.push(Influences::new(&kept));
+        skin.push(mixer.keep());
     }
-    skin
+    cliffs::level(surface, &shell.widths, &mut skin, &mut mixer);
+    let influences = |shares: &Shares| {
+        let kept: Vec<(u32, f64)> = shares.iter().map(|(particle, share)| (particle, share.into())).collect();
+        Influences::new(&kept)
+    };
+    let skin: Vec<Influences> = skin.iter().map(influences).collect();
+    surface.welded.iter().map(|&v| skin[v as usize]).collect()
 }
 
 /// The quadratic B-spline: a box of width 1, blurred twice by itself.

@@ -102,6 +102,24 @@ fn edges_are_tied_and_cut() {
     assert_eq!(rig.edges, plain.edges.iter().copied().filter(|&e| e != cut).collect::<Vec<_>>());
 }
 
+/// Where a material pulls by facets, these are tied and cut.
+#[test]
+fn facets_are_tied_and_cut() {
+    let mesh = two_fingers(0.1);
+    let material = Recipe::from_toml("test", "[material]\nyoungs_modulus = 1e6").expect("a recipe").material;
+    let made = |edits: Vec<Edit>| build_rig(&mesh, &Recipe { edits, material, ..settings(40) }).expect("a rig");
+    let plain = made(vec![]);
+    let facets = |rig: &Rig| rig.cells.as_ref().expect("it has a material").facets.iter().map(|f| f.pair).collect::<Vec<_>>();
+    let before = facets(&plain);
+    let tips = [nearest(&plain, [-0.11, 1.2, 0.1]), nearest(&plain, [0.2, 1.2, 0.1])];
+    assert!(!before.contains(&pair(tips[0], tips[1])));
+    let tied = facets(&made(vec![Edit::Connect(tips.map(|p| place(&plain, p)))]));
+    assert!(tied.len() == before.len() + 1 && tied.contains(&pair(tips[0], tips[1])));
+    let cut = *plain.edges.iter().filter(|edge| before.contains(edge)).nth(9).expect("edges are between cells that touch");
+    let left = facets(&made(vec![Edit::Disconnect(cut.map(|p| place(&plain, p as usize)))]));
+    assert_eq!(left, before.iter().copied().filter(|&f| f != cut).collect::<Vec<_>>());
+}
+
 /// Each place means what the edits before it have left, edges come last, and the same recipe gives the same bytes.
 #[test]
 fn edits_build_on_each_other() {

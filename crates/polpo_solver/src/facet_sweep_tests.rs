@@ -126,6 +126,23 @@ fn only_limbs_are_capped() {
     assert_eq!((edges, rings), before);
 }
 
+/// Capped as far as bending allows, a noodle of 40 kPa would hang a seventh longer than it is.
+#[test]
+fn a_soft_limb_keeps_its_stretch() {
+    let side = 0.05;
+    let caps = [4e7, 2e6, 4e4].map(|youngs_modulus| {
+        let material = Material { youngs_modulus, poissons_ratio: 0.3, density: DENSITY };
+        let mut body = Body::new(&Solid::bar(side), 20, 0);
+        let (mut edges, mut rings) = body.calibrate(&material, 0.12);
+        edges.cap_stretch(&mut rings, &body.p, &material, &Limb { axis: Vec3A::X, section: Section::square(side) }).unwrap()
+    });
+    let of_bending = 2.6 * side * side / 12.0 / (0.12 * 0.12);
+    // Particles reach from the middle of the first cell to that of the last.
+    assert!((caps[0] / of_bending - 1.0).abs() < 1e-3, "{caps:?}");
+    assert!((0.22..0.25).contains(&caps[1]), "half a hundredth of 0.05 or so: {caps:?}");
+    assert_eq!(caps[2], 1.0);
+}
+
 /// Bent, twisted and swollen to a rest pose, moved and turned as a whole: nothing pulls there, and it is where the body goes from the shape that it was made in.
 #[test]
 fn cells_follow_a_rest_pose() {

@@ -186,9 +186,23 @@ fn a_body_keeps_the_rods_of_its_own() {
     let body = app.world_mut().spawn((SoftBody::new(with.clone()), twice)).id();
     steps(&mut app, 2);
     app.world_mut().entity_mut(body).insert(own.clone());
-    app.world_mut().entity_mut(body).insert((SoftBody::new(with), twice));
+    app.world_mut().entity_mut(body).insert((SoftBody::new(with.clone()), twice));
     steps(&mut app, 2);
-    assert_eq!(has(&app, body), (Some(own), true), "changed by hand, they are nobody else's");
+    assert_eq!(has(&app, body), (Some(own.clone()), true), "changed by hand, they are nobody else's");
+
+    // Nor does it matter when: right after they came, and even while they come.
+    let body = app.world_mut().spawn((SoftBody::new(with.clone()), twice)).id();
+    app.world_mut().get_mut::<Rods>(body).unwrap().retardation = 0.01;
+    app.world_mut().entity_mut(body).insert((SoftBody::new(without.clone()), twice));
+    steps(&mut app, 2);
+    assert_eq!(has(&app, body), (Some(own.clone()), true), "changed right after they came");
+    let damp = |add: On<Add, Rods>, mut rods: Query<&mut Rods>| rods.get_mut(add.entity).unwrap().retardation = 0.01;
+    let damp = app.world_mut().add_observer(damp).id();
+    let body = app.world_mut().spawn((SoftBody::new(with.clone()), twice)).id();
+    app.world_mut().despawn(damp);
+    app.world_mut().entity_mut(body).insert((SoftBody::new(without.clone()), twice));
+    steps(&mut app, 2);
+    assert_eq!(has(&app, body), (Some(own), true), "changed while they came");
 
     let body = app.world_mut().spawn(SoftBody::new(without)).id();
     steps(&mut app, 2);

@@ -19,7 +19,7 @@ use crate::{
 /// When it is inserted, the rig becomes [`Particles`] at the entity's `Transform`: its rotation and (uniform, positive) scale are taken into the particles, and from then on the `Transform` has
 /// neither: its translation follows the centre of mass. Moving the translation by hand moves the whole body. The entity should have no parent that moves.
 ///
-/// Inserting it again, with another rig say, builds the body anew, awake. Spawned with [`Sleeping`] or [`Frozen`], a body stays where it is put until it is woken or that is taken off.
+/// Inserting it again, with another rig say, builds the body anew, awake. Components that come with a body and were taken off are back then. Spawned with [`Sleeping`] or [`Frozen`], a body stays where it is put until it is woken or that is taken off.
 ///
 /// A rig with regions gives the body [`ExplicitGroups`](crate::ExplicitGroups), [`ParticleStiffness`](crate::ParticleStiffness) and [`ParticleFriction`](crate::ParticleFriction) for them, each unless you put your own
 /// beside it; outside the regions [`ShapeMatching`] and [`Collision`] go on to count.
@@ -93,12 +93,8 @@ type Built =
     (Blocks, crate::CalibratedEdges, crate::Edges, crate::ExplicitState, crate::ImplicitGroups, crate::Posed, crate::SelfPairs, Recall);
 
 /// What a body brings along when it is built anew: its contacts with the world, and rods, which may be those of its last rig.
-type Past = (
-    Option<(&'static mut Contacts, &'static mut ContactMemory)>,
-    Option<Ref<'static, Rods>>,
-    Option<Ref<'static, RodsOfRig>>,
-    Has<Particles>,
-);
+type Past =
+    (Option<(&'static mut Contacts, &'static mut ContactMemory)>, Option<&'static Rods>, Option<&'static RodsOfRig>, Has<Particles>);
 
 /// Builds the particles as soon as a [`SoftBody`] is inserted.
 pub(crate) fn build_body(
@@ -115,8 +111,8 @@ pub(crate) fn build_body(
         contacts.list.clear();
         memory.position.clear();
     }
-    // Rods and the mark were put there at once; whoever changed them since made them their own.
-    let rods_of_rig = rods.as_ref().zip(of_rig).is_some_and(|(rods, mark)| rods.last_changed() == mark.last_changed());
+    // Whoever changed the rods that came with a rig made them their own.
+    let own_rods = rods.is_some_and(|rods| !of_rig.is_some_and(|of_rig| of_rig.are(rods)));
     match particles_at(&body.rig, &transform) {
         Ok((mut particles, origin)) => {
             if let Some(velocity) = velocity {
@@ -134,12 +130,12 @@ pub(crate) fn build_body(
             if particles.len() >= Blocks::LARGE {
                 entity.try_insert(Blocks::default());
             }
-            if rods.is_none() || rods_of_rig {
-                match Rods::of_rig(&body.rig, scale) {
-                    Some(rods) => entity.try_insert((rods, RodsOfRig)),
-                    None if rods_of_rig => entity.remove::<(Rods, RodsOfRig)>(),
-                    None => &mut entity,
-                };
+            if own_rods {
+                entity.remove::<RodsOfRig>();
+            } else if let Some(rods) = Rods::of_rig(&body.rig, scale) {
+                entity.try_insert((rods, RodsOfRig { rig: body.rig.clone(), scale }));
+            } else if rods.is_some() || of_rig.is_some() {
+                entity.remove::<(Rods, RodsOfRig)>();
             }
             entity.try_insert((Particles(particles), start));
         }

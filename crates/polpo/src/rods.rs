@@ -1,5 +1,7 @@
 //! Rods: edges that are as stiff as their material and section, or the body's cells, say.
 
+use std::sync::Arc;
+
 use bevy::math::{Mat3A, Vec3A};
 use bevy::prelude::*;
 use polpo_rig::{Fidelity, Rig};
@@ -87,9 +89,19 @@ impl Rods {
     }
 }
 
-/// The body's [`Rods`] came with its rig, and go with it: as long as nobody has changed them since.
-#[derive(Component, Debug, Clone, Copy)]
-pub(crate) struct RodsOfRig;
+/// What the body's [`Rods`] were made of when they came with its rig; they go with it as long as nobody has changed them since.
+#[derive(Component, Debug)]
+pub(crate) struct RodsOfRig {
+    pub(crate) rig: Arc<Rig>,
+    pub(crate) scale: f32,
+}
+
+impl RodsOfRig {
+    /// Whether these are still the rods that came with the rig. Told by their values: a change in the tick in which they came is one, too.
+    pub(crate) fn are(&self, rods: &Rods) -> bool {
+        Rods::of_rig(&self.rig, self.scale).as_ref() == Some(rods)
+    }
+}
 
 /// What [`Rods`] are the edges of.
 #[derive(Debug, Clone, PartialEq)]

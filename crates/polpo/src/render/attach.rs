@@ -1,7 +1,7 @@
 //! Giving each body a mesh of its own, and taking it away again.
 //!
 //! A skinned vertex buffer belongs to one body, so the `Mesh3d` of a body, or of a part of it, is replaced by a copy of the user's mesh. The rest data behind it is the same for every body of
-//! that mesh and rig and is shared. Another `Mesh3d`, another rig or a change to the mesh asset binds anew; when the `SoftBody` goes, the user's handle comes back.
+//! that mesh and rig and is shared. Another `Mesh3d`, another rig, other vertices or a change to the mesh asset binds anew; when the `SoftBody` goes, the user's handle comes back.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -59,11 +59,13 @@ pub(super) struct SharedBinding {
     pub(super) binding: Binding,
     pub(super) layout: VertexLayout,
     rig: Arc<Rig>,
+    /// The rig's vertices that the mesh has.
+    vertices: Range<u32>,
 }
 
-/// The bindings in use, by source mesh, rig and the first of its vertices. A rig's address stands for the rig: the binding holds on to it, so the address stays taken while the entry is alive.
+/// The bindings in use, by source mesh, rig, and the first and the end of its vertices. A rig's address stands for the rig: the binding holds on to it, so the address stays taken while the entry is alive.
 #[derive(Resource, Debug, Default)]
-pub(super) struct Bindings(BTreeMap<(AssetId<Mesh>, usize, u32), Weak<SharedBinding>>);
+pub(super) struct Bindings(BTreeMap<(AssetId<Mesh>, usize, [u32; 2]), Weak<SharedBinding>>);
 
 /// Why a body's mesh does not follow its particles.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -95,7 +97,7 @@ pub enum SkinError {
     Binding(#[from] BindingError),
 }
 
-/// Triggered on a body, or a part of one, whose mesh cannot follow its particles; the mesh stays as it is. Tried again when it gets another mesh or rig, or the mesh asset changes.
+/// Triggered on a body, or a part of one, whose mesh cannot follow its particles; the mesh stays as it is. Tried again when it gets another mesh, rig or run of vertices, or the mesh asset changes.
 #[derive(EntityEvent, Debug, Clone)]
 pub struct SkinRejected {
     /// The body, or the part.
@@ -109,21 +111,21 @@ pub struct SkinRejected {
 pub(super) struct Refused {
     mesh: AssetId<Mesh>,
     rig: Arc<Rig>,
+    vertices: Range<u32>,
 }
 
 type Bodies<'a> = (&'a SoftBody, &'a Particles, Option<&'a SkinPose>);
 
 type Attachable<'a> = (Entity, Option<&'a SkinPart>, &'a mut Mesh3d, Option<&'a Skin>, Option<&'a Refused>);
 
-/// Binds bodies, and their parts, that are new or whose mesh or rig changed.
+/// Binds bodies, and their parts, that are new or whose mesh, rig or vertices changed.
 pub(super) fn attach_skins(
     mut commands: Commands,
     bodies: Query<Bodies>,
     mut attachable: Query<Attachable, Or<(With<SoftBody>, With<SkinPart>)>>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut bindings: ResMut<Bindings>,
-    mut events: MessageReader<AssetEvent<Mesh>>,
-    mut modified: Local<Vec<AssetId<Mesh>>>,
+    (mut events, mut modified): (MessageReader<AssetEvent<Mesh>>, Local<Vec<AssetId<Mesh>>>),
     stats: Res<SkinningStats>,
 ) {
     modified.clear();
@@ -139,10 +141,12 @@ pub(super) fn attach_skins(
         let Ok((body, particles, pose)) = bodies.get(owner) else {
             continue;
         };
+        let vertices = part.map_or(0..body.rig.skin.len() as u32, |part| part.vertices.clone());
+        let is_of = |rig: &Arc<Rig>, of: &Range<u32>| Arc::ptr_eq(rig, &body.rig) && *of == vertices;
         let source = match skin {
             // The user's mesh is still the source as long as nobody put another one into `Mesh3d`.
             Some(skin) if mesh3d.0 == skin.instance => {
-                if Arc::ptr_eq(&skin.shared.rig, &body.rig) && !modified.contains(&skin.source.id()) {
+                if is_of(&skin.shared.rig, &skin.shared.vertices) && !modified.contains(&skin.source.id()) {
                     continue;
                 }
                 skin.source.clone()
@@ -151,7 +155,7 @@ pub(super) fn attach_skins(
         };
         if let Some(refused) = refused
             && refused.mesh == source.id()
-            && Arc::ptr_eq(&refused.rig, &body.rig)
+            && is_of(&refused.rig, &refused.vertices)
             && !modified.contains(&refused.mesh)
         {
             continue;
@@ -160,8 +164,7 @@ pub(super) fn attach_skins(
         let Some(mesh) = meshes.get(&source) else {
             continue;
         };
-        let range = part.map_or(0..body.rig.skin.len() as u32, |part| part.vertices.clone());
-        match bind(&mut bindings, source.id(), mesh, &body.rig, range) {
+        match bind(&mut bindings, source.id(), mesh, &body.rig, vertices.clone()) {
             Ok(shared) => {
                 let mut instance = mesh.clone();
                 instance.asset_usage = if stats.on_cpu { RenderAssetUsages::all() } else { RenderAssetUsages::RENDER_WORLD };
@@ -170,19 +173,20 @@ pub(super) fn attach_skins(
                 present.take(&Pose::present(particles));
                 write_vertices(&mut instance, &shared.binding, present.transforms());
                 if pose.is_none_or(|pose| !pose.is_of(&body.rig)) {
-                    commands.entity(owner).insert(present);
+                    commands.entity(owner).try_insert(present);
                 }
                 let instance = meshes.add(instance);
                 mesh3d.0 = instance.clone();
-                commands.entity(entity).remove::<Refused>().insert((Skin { source, instance, shared }, Aabb::default(), NoAutoAabb));
+                let skin = (Skin { source, instance, shared }, Aabb::default(), NoAutoAabb);
+                commands.entity(entity).try_remove::<Refused>().try_insert(skin);
             }
             Err(reason) => {
                 tracing::error!("the mesh of soft body {entity} stays undeformed: {reason}");
-                let refused = Refused { mesh: source.id(), rig: body.rig.clone() };
+                let refused = Refused { mesh: source.id(), rig: body.rig.clone(), vertices };
                 if skin.is_some() {
                     mesh3d.0 = source;
                 }
-                commands.entity(entity).remove::<(Skin, NoAutoAabb, Aabb)>().insert(refused);
+                commands.entity(entity).try_remove::<(Skin, NoAutoAabb, Aabb)>().try_insert(refused);
                 commands.trigger(SkinRejected { entity, reason });
             }
         }
@@ -204,19 +208,19 @@ pub(super) fn detach_skins(
         {
             mesh3d.0 = skin.source.clone();
         }
-        commands.entity(entity).remove::<(Skin, NoAutoAabb, Aabb)>();
+        commands.entity(entity).try_remove::<(Skin, NoAutoAabb, Aabb)>();
     }
 }
 
-/// The shared binding of this mesh to the vertices `range` of the rig, made if nobody has it.
+/// The shared binding of this mesh to these vertices of the rig, made if nobody has it.
 fn bind(
     bindings: &mut Bindings,
     id: AssetId<Mesh>,
     mesh: &Mesh,
     rig: &Arc<Rig>,
-    range: Range<u32>,
+    vertices: Range<u32>,
 ) -> Result<Arc<SharedBinding>, SkinError> {
-    let key = (id, Arc::as_ptr(rig) as usize, range.start);
+    let key = (id, Arc::as_ptr(rig) as usize, [vertices.start, vertices.end]);
     if let Some(shared) = bindings.0.get(&key).and_then(Weak::upgrade) {
         return Ok(shared);
     }
@@ -228,19 +232,19 @@ fn bind(
         _ => &[],
     };
     // Bevy cuts all attributes to the shortest.
-    let vertices = mesh.count_vertices();
-    let skin = rig.skin.get(range.start as usize..range.end as usize).unwrap_or_default();
-    if vertices != skin.len() || positions.len() != vertices {
-        return Err(SkinError::VertexCount { mesh: vertices, rig: skin.len() });
+    let count = mesh.count_vertices();
+    let skin = rig.skin.get(vertices.start as usize..vertices.end as usize).unwrap_or_default();
+    if count != skin.len() || positions.len() != count {
+        return Err(SkinError::VertexCount { mesh: count, rig: skin.len() });
     }
     let particles: Vec<Vec3> = rig.particles.iter().map(|particle| particle.position).collect();
     let binding = Binding::about(
         middle(rig),
-        RestMesh { positions, normals: cut(normals, vertices), tangents: cut(tangents, vertices) },
+        RestMesh { positions, normals: cut(normals, count), tangents: cut(tangents, count) },
         &particles,
         skin.iter().map(|influences| (influences.particles, influences.weights)),
     )?;
-    let shared = Arc::new(SharedBinding { binding, layout, rig: rig.clone() });
+    let shared = Arc::new(SharedBinding { binding, layout, rig: rig.clone(), vertices });
     bindings.0.retain(|_, shared| shared.strong_count() > 0);
     bindings.0.insert(key, Arc::downgrade(&shared));
     Ok(shared)

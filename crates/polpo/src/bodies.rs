@@ -148,7 +148,7 @@ pub(crate) fn build_body(
 }
 
 /// The rig's particles placed by `transform`, relative to their centre of mass, and where that is.
-fn particles_at(rig: &Rig, transform: &Transform) -> Result<(polpo_solver::Particles, Vec3), RejectReason> {
+pub(crate) fn particles_at(rig: &Rig, transform: &Transform) -> Result<(polpo_solver::Particles, Vec3), RejectReason> {
     rig.validate()?;
     let Transform { translation, rotation, scale } = *transform;
     let s = scale.x;

@@ -41,7 +41,7 @@ impl Plugin for AnyMeshScene {
             .add_systems(Startup, start)
             .add_systems(Update, spawn.run_if(resource_exists::<Loading>))
             .add_observer(begin)
-            .add_observer(|failed: On<SoftBodyLoadFailed>, exit: MessageWriter<AppExit>| give_up(&failed.reason, exit));
+            .add_observer(fail);
     }
 }
 
@@ -109,6 +109,13 @@ fn begin(
     if waiting.is_empty() && !*begun {
         *begun = true;
         time.unpause();
+    }
+}
+
+/// A body that is there stays as it was.
+fn fail(failed: On<SoftBodyLoadFailed>, bodies: Query<(), With<SoftBody>>, exit: MessageWriter<AppExit>) {
+    if !bodies.contains(failed.entity) {
+        give_up(&failed.reason, exit);
     }
 }
 

@@ -2,14 +2,16 @@
 
 use std::sync::Arc;
 
-use bevy::asset::{AssetLoadError, LoadState};
+use bevy::asset::{AssetLoadError, AssetLoadFailedEvent, LoadState};
+use bevy::ecs::system::SystemParam;
 use bevy::math::Vec3A;
 use bevy::prelude::*;
 use polpo_rig::{Mesh, Recipe, Rig, RigError};
 use polpo_solver::{fit_rigid, momentum};
 
 use super::{RecipeAsset, RigAsset, SoftBodyModel, SoftBodyRig, SoftBodyScene};
-use crate::{Particles, SoftBody};
+use crate::bodies::particles_at;
+use crate::{Particles, RejectReason, SoftBody};
 
 /// Triggered on an entity whose [`SoftBodyScene`] or [`SoftBodyRig`] has become a body, or has been built anew because a file changed. The children that a scene brings are there.
 #[derive(EntityEvent, Debug, Clone)]
@@ -18,7 +20,8 @@ pub struct SoftBodyReady {
     pub entity: Entity,
 }
 
-/// Triggered on an entity whose [`SoftBodyScene`] or [`SoftBodyRig`] cannot become a body. A body that was there stays as it was. It is tried again when one of its files changes.
+/// Triggered on an entity whose [`SoftBodyScene`] or [`SoftBodyRig`] cannot become a body, or cannot become that of a file that has changed. A body that was there stays as it was. It is tried again when one of its files changes; one that
+/// could not be read before and still cannot is not told of again.
 #[derive(EntityEvent, Debug, Clone)]
 pub struct SoftBodyLoadFailed {
     /// The entity.
@@ -39,11 +42,19 @@ pub enum LoadError {
     /// The model could not be rigged, or its rig is broken or was made for another mesh.
     #[error("{0}")]
     Rig(Arc<RigError>),
+    /// The rig is whole, but cannot be simulated at the entity's `Transform`, or the `Transform` is not finite or not uniformly scaled.
+    #[error("{name}: {reason}")]
+    Rejected {
+        /// The rig's file, or else the model's.
+        name: String,
+        /// What was wrong.
+        reason: RejectReason,
+    },
 }
 
 /// Has to be looked at: files were named or have changed, and not all of them were there yet.
 #[derive(Component, Debug, Default)]
-pub(super) struct Awaiting;
+pub(crate) struct Awaiting;
 
 /// The files as they were when the entity was last looked at to the end, good or bad; what had not loaded is `None`. The same files are not looked at, or told of, again.
 #[derive(Component, Debug, Default)]
@@ -76,42 +87,75 @@ pub(crate) struct SceneBuilt {
 }
 
 pub(super) fn await_files<C: Component>(insert: On<Insert, C>, mut commands: Commands) {
-    commands.entity(insert.entity).try_remove::<Seen>().try_insert(Awaiting);
+    look_again(&mut commands, insert.entity);
 }
 
-/// What is made of an asset that has changed, or has come after all, is looked at again.
+/// Has an entity looked at as if it never had been.
+pub(crate) fn look_again(commands: &mut Commands, entity: Entity) {
+    commands.entity(entity).try_remove::<Seen>().try_insert(Awaiting);
+}
+
+/// What has become of the assets of one kind.
+#[derive(SystemParam)]
+pub(super) struct News<'w, 's, A: Asset> {
+    assets: Res<'w, Assets<A>>,
+    events: MessageReader<'w, 's, AssetEvent<A>>,
+    failures: MessageReader<'w, 's, AssetLoadFailedEvent<A>>,
+}
+
+impl<A: Asset> News<'_, '_, A> {
+    /// What has changed or come after all, and what is as it was because its new file is no good. What never was there, who waits for it finds out.
+    fn read(&mut self) -> Vec<(AssetId<A>, Result<(), LoadError>)> {
+        let changed = self.events.read().filter_map(|event| match event {
+            AssetEvent::Added { id } | AssetEvent::Modified { id } => Some((*id, Ok(()))),
+            _ => None,
+        });
+        let failures = self.failures.read().filter(|failure| self.assets.contains(failure.id));
+        let failed = failures.map(|failure| (failure.id, Err(LoadError::Asset(Arc::new(failure.error.clone())))));
+        changed.chain(failed).collect()
+    }
+}
+
+/// What is made of an asset that has changed, or has come after all, is looked at again; if the new file is no good, that is told.
 pub(super) fn await_changed(
     mut commands: Commands,
-    mut models: MessageReader<AssetEvent<SoftBodyModel>>,
-    mut rigs: MessageReader<AssetEvent<RigAsset>>,
-    mut recipes: MessageReader<AssetEvent<RecipeAsset>>,
-    scenes: Query<(Entity, &SoftBodyScene)>,
-    bodies: Query<(Entity, &SoftBodyRig)>,
+    mut models: News<SoftBodyModel>,
+    mut rigs: News<RigAsset>,
+    mut recipes: News<RecipeAsset>,
+    scenes: Query<(Entity, &SoftBodyScene, Has<Awaiting>)>,
+    bodies: Query<(Entity, &SoftBodyRig, Has<Awaiting>)>,
 ) {
-    let (models, rigs, recipes) = (changed(&mut models), changed(&mut rigs), changed(&mut recipes));
+    let (models, rigs, recipes) = (models.read(), rigs.read(), recipes.read());
     if models.is_empty() && rigs.is_empty() && recipes.is_empty() {
         return;
     }
-    for (entity, scene) in &scenes {
-        let (rig, recipe) = (scene.rig.rig().map(Handle::id), scene.rig.recipe().map(Handle::id));
-        if models.contains(&scene.model.id()) || rig.is_some_and(|id| rigs.contains(&id)) || recipe.is_some_and(|id| recipes.contains(&id))
-        {
-            commands.entity(entity).try_insert(Awaiting);
-        }
+    for (entity, scene, awaiting) in &scenes {
+        let rig = scene.rig.rig().into_iter().flat_map(|rig| news_of(&rigs, rig));
+        let recipe = scene.rig.recipe().into_iter().flat_map(|recipe| news_of(&recipes, recipe));
+        news_of(&models, &scene.model).chain(rig).chain(recipe).for_each(|news| take_in(&mut commands, entity, awaiting, news));
     }
-    for (entity, SoftBodyRig(rig)) in &bodies {
-        if rigs.contains(&rig.id()) {
-            commands.entity(entity).try_insert(Awaiting);
-        }
+    for (entity, SoftBodyRig(rig), awaiting) in &bodies {
+        news_of(&rigs, rig).for_each(|news| take_in(&mut commands, entity, awaiting, news));
     }
 }
 
-fn changed<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> Vec<AssetId<A>> {
-    let of = |event: &AssetEvent<A>| match event {
-        AssetEvent::Added { id } | AssetEvent::Modified { id } => Some(*id),
-        _ => None,
-    };
-    events.read().filter_map(of).collect()
+fn news_of<'a, A: Asset>(
+    news: &'a [(AssetId<A>, Result<(), LoadError>)],
+    of: &Handle<A>,
+) -> impl Iterator<Item = &'a Result<(), LoadError>> {
+    let of = of.id();
+    news.iter().filter(move |(id, _)| *id == of).map(|(_, news)| news)
+}
+
+fn take_in(commands: &mut Commands, entity: Entity, awaiting: bool, news: &Result<(), LoadError>) {
+    match news.clone() {
+        Ok(()) => {
+            commands.entity(entity).try_insert(Awaiting);
+        }
+        // One that waits is made of what was there before, and told of that.
+        Err(_) if awaiting => {}
+        Err(reason) => commands.queue(move |world: &mut World| fail(world, entity, reason)),
+    }
 }
 
 /// The asset, or `None` while it loads; `what` it is.
@@ -129,37 +173,67 @@ pub(super) fn loaded<'a, A: Asset>(
     }
 }
 
-pub(super) fn fail(commands: &mut Commands, entity: Entity, seen: Seen, reason: LoadError) {
+fn fail(world: &mut World, entity: Entity, reason: LoadError) {
     tracing::error!("soft body {entity} was not made: {reason}");
-    commands.entity(entity).try_remove::<Awaiting>().try_insert(seen);
-    commands.trigger(SoftBodyLoadFailed { entity, reason });
+    world.trigger(SoftBodyLoadFailed { entity, reason });
 }
 
-/// Makes the entity a body of `rig`, or what is its body already one of `rig` in the same place.
-pub(super) fn make_body(world: &mut World, entity: Entity, rig: Arc<Rig>, seen: Seen) {
+/// What has come of an entity's files.
+pub(super) struct Found {
+    /// Names the rig in errors.
+    pub(super) name: String,
+    pub(super) rig: Result<Arc<Rig>, LoadError>,
+    pub(super) seen: Seen,
+}
+
+/// Ends the wait of an entity: makes it a body, or tells why not. If its files are not those of `named` any more, they are left to be looked at: an observer of another body's, or of this one's as it is built, may put others there.
+pub(super) fn settle<C: Component + PartialEq>(world: &mut World, entity: Entity, named: &C, found: Found) {
+    let Found { name, rig, seen } = found;
+    let is_named = |world: &World| world.get::<C>(entity) == Some(named);
+    if !is_named(world) {
+        return;
+    }
     let Ok(mut body) = world.get_entity_mut(entity) else { return };
     let mesh = seen.mesh.clone();
-    body.remove::<Awaiting>();
     body.insert(seen);
-    if body.get::<SoftBody>().is_none_or(|body| !Arc::ptr_eq(&body.rig, &rig)) {
-        let before = Motion::of(&body);
-        if let Some(before) = &before {
-            body.insert(before.transform);
-        }
-        body.insert(SoftBody::new(rig));
-        // An observer of somebody's may have taken it away; a rig that cannot be simulated has been told of.
-        let Ok(mut body) = world.get_entity_mut(entity) else { return };
-        let Some(mut particles) = body.get_mut::<Particles>() else { return };
-        if let Some(before) = before {
-            particles.set_rigid_velocity(before.linear, before.angular);
-        }
-    }
-    if let Some(mesh) = mesh {
+    let made = rig.and_then(|rig| make_body(&mut body, rig, name));
+    if let (Ok(()), Some(mesh)) = (&made, mesh)
+        && is_named(world)
+    {
         world.trigger(SceneBuilt { entity, mesh });
+        // The children are still in the world's queue.
+        world.flush();
     }
-    if world.get_entity(entity).is_ok() {
-        world.trigger(SoftBodyReady { entity });
+    if !is_named(world) {
+        return;
     }
+    if let Ok(mut body) = world.get_entity_mut(entity) {
+        body.remove::<Awaiting>();
+    }
+    match made {
+        // Somebody's observer has taken the body away.
+        Ok(()) if world.get::<Particles>(entity).is_none() => {}
+        Ok(()) => world.trigger(SoftBodyReady { entity }),
+        Err(reason) => fail(world, entity, reason),
+    }
+}
+
+/// Makes the entity a body of `rig`, or what is its body already one of `rig` in the same place. A rig that cannot be simulated there changes nothing.
+fn make_body(body: &mut EntityWorldMut, rig: Arc<Rig>, name: String) -> Result<(), LoadError> {
+    if body.get::<SoftBody>().is_some_and(|body| Arc::ptr_eq(&body.rig, &rig)) {
+        return Ok(());
+    }
+    let before = Motion::of(body);
+    let place = before.as_ref().map_or_else(|| body.get::<Transform>().copied().unwrap_or_default(), |before| before.transform);
+    particles_at(&rig, &place).map_err(|reason| LoadError::Rejected { name, reason })?;
+    body.insert((place, SoftBody::new(rig)));
+    if let Some(before) = before
+        && !body.is_despawned()
+        && let Some(mut particles) = body.get_mut::<Particles>()
+    {
+        particles.set_rigid_velocity(before.linear, before.angular);
+    }
+    Ok(())
 }
 
 /// Where a body is and how it moves, as a rigid piece.

@@ -20,6 +20,8 @@ use super::document::{all_of, with_buffers};
 #[derive(Asset, TypePath, Debug, Clone)]
 pub struct SoftBodyModel {
     mesh: Arc<Mesh>,
+    /// What [`Mesh::validate`] has found.
+    fault: Option<Arc<RigError>>,
     print: ModelPrint,
     rig: Result<Option<Arc<Rig>>, Arc<RigError>>,
 }
@@ -44,9 +46,10 @@ impl ModelPrint {
 }
 
 impl SoftBodyModel {
-    /// A model made by a program, for `Assets::add`.
+    /// A model made by a program, for `Assets::add`. Of a mesh that [`Mesh::validate`] refuses no body can be made: [`SoftBodyLoadFailed`](crate::SoftBodyLoadFailed) says why.
     pub fn new(mesh: Mesh, rig: Option<Arc<Rig>>) -> Self {
-        Self { print: ModelPrint::of(&mesh), mesh: Arc::new(mesh), rig: Ok(rig) }
+        let fault = mesh.validate().err().map(|fault| Arc::new(RigError::from(fault)));
+        Self { fault, print: ModelPrint::of(&mesh), mesh: Arc::new(mesh), rig: Ok(rig) }
     }
 
     /// Its mesh. What it is made of stands in [`Mesh::parts`].
@@ -66,8 +69,13 @@ impl SoftBodyModel {
         self.print
     }
 
+    /// Whether its mesh is whole.
+    pub(super) fn check(&self) -> Result<(), Arc<RigError>> {
+        self.fault.clone().map_or(Ok(()), Err)
+    }
+
     /// Whether `rig` was made for this model, as [`Rig::check_mesh`] says it.
-    pub(super) fn check(&self, rig: &Rig) -> Result<(), RigError> {
+    pub(super) fn check_rig(&self, rig: &Rig) -> Result<(), RigError> {
         let (name, vertices) = (|| self.mesh.name.clone(), self.mesh.positions.len());
         if rig.skin.len() != vertices {
             return Err(RigError::VertexCount { name: name(), expected: rig.skin.len(), found: vertices });

@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use bevy::reflect::TypePath;
 use polpo_rig::{Rig, RigError};
 
-use super::build::{Awaiting, Seen, fail, loaded, make_body};
+use super::build::{Awaiting, Found, Seen, loaded, settle};
 use super::document::all_of;
 
 /// A rig that was loaded from a `.rig` or a `.rig.ron` file. When the file changes (with Bevy's feature `file_watcher`), or the asset by hand, the bodies made of it are built anew, where they are.
@@ -62,19 +62,17 @@ pub(super) fn build_rigs(
     rigs: Res<Assets<RigAsset>>,
     server: Res<AssetServer>,
 ) {
-    for (entity, SoftBodyRig(handle), seen) in &awaiting {
+    for (entity, named, seen) in &awaiting {
+        let SoftBodyRig(handle) = named;
         let now = Seen { rig: rigs.get(handle).map(|rig| rig.0.clone()), ..default() };
         if seen.is_some_and(|seen| seen.is(&now)) {
             commands.entity(entity).try_remove::<Awaiting>();
             continue;
         }
-        match loaded(&rigs, handle, &server, "rig") {
-            Ok(None) => {}
-            Ok(Some(rig)) => {
-                let rig = rig.0.clone();
-                commands.queue(move |world: &mut World| make_body(world, entity, rig, now));
-            }
-            Err(reason) => fail(&mut commands, entity, now, reason),
-        }
+        let rig = loaded(&rigs, handle, &server, "rig").map(|rig| rig.map(|rig| rig.0.clone()));
+        let Some(rig) = rig.transpose() else { continue };
+        let name = handle.path().map_or_else(|| "the rig".to_owned(), ToString::to_string);
+        let (named, found) = (named.clone(), Found { name, rig, seen: now });
+        commands.queue(move |world: &mut World| settle(world, entity, &named, found));
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bevy::prelude::*;
 use polpo_rig::{Recipe, Rig};
 
-use super::build::{Awaiting, AwaitsDress, LoadError, Seen, fail, loaded, make_body};
+use super::build::{Awaiting, AwaitsDress, Found, LoadError, Seen, loaded, settle};
 use super::rigging::Rigging;
 use super::{RecipeAsset, RigAsset, SoftBodyModel};
 
@@ -83,6 +83,7 @@ impl SoftBodyScene {
         rigging: &mut Rigging,
     ) -> Result<Option<Arc<Rig>>, LoadError> {
         let Some(model) = loaded(models, &self.model, server, "model")? else { return Ok(None) };
+        model.check().map_err(LoadError::Rig)?;
         let mut made = |recipe: &Recipe| rigging.rig(model, recipe).map_err(LoadError::Rig);
         let rig = match &self.rig {
             RigSource::Rig(handle) => loaded(rigs, handle, server, "rig")?.map(|rig| rig.0.clone()),
@@ -96,7 +97,7 @@ impl SoftBodyScene {
             },
         };
         let Some(rig) = rig else { return Ok(None) };
-        model.check(&rig).map_err(|error| LoadError::Rig(Arc::new(error)))?;
+        model.check_rig(&rig).map_err(|error| LoadError::Rig(Arc::new(error)))?;
         Ok(Some(rig))
     }
 }
@@ -120,10 +121,9 @@ pub(super) fn build_scenes(
             commands.entity(entity).try_remove::<Awaiting>();
             continue;
         }
-        match scene.resolve(&models, &rigs, &recipes, &server, &mut rigging) {
-            Ok(None) => {}
-            Ok(Some(rig)) => commands.queue(move |world: &mut World| make_body(world, entity, rig, now)),
-            Err(reason) => fail(&mut commands, entity, now, reason),
-        }
+        let Some(rig) = scene.resolve(&models, &rigs, &recipes, &server, &mut rigging).transpose() else { continue };
+        let name = scene.rig.rig().and_then(Handle::path).or(scene.model.path()).map_or_else(|| "the rig".to_owned(), ToString::to_string);
+        let (scene, found) = (scene.clone(), Found { name, rig, seen: now });
+        commands.queue(move |world: &mut World| settle(world, entity, &scene, found));
     }
 }

@@ -95,6 +95,15 @@ pub(crate) fn look_again(commands: &mut Commands, entity: Entity) {
     commands.entity(entity).try_remove::<Seen>().try_insert(Awaiting);
 }
 
+/// Ends the wait of an entity whose files are those that it has seen; one that has been given others since has seen nothing.
+pub(super) fn stop_waiting(commands: &mut Commands, entity: Entity) {
+    commands.entity(entity).queue_silenced(|mut entity: EntityWorldMut| {
+        if entity.contains::<Seen>() {
+            entity.remove::<Awaiting>();
+        }
+    });
+}
+
 /// What has become of the assets of one kind.
 #[derive(SystemParam)]
 pub(super) struct News<'w, 's, A: Asset> {

@@ -29,7 +29,7 @@ mod scene;
 use bevy::prelude::*;
 
 #[cfg(feature = "gltf")]
-pub(crate) use build::{AwaitsDress, SceneBuilt};
+pub(crate) use build::{Awaiting, AwaitsDress, SceneBuilt, look_again};
 pub use build::{LoadError, SoftBodyLoadFailed, SoftBodyReady};
 pub use model::{ModelError, SoftBodyModel};
 pub use recipe::RecipeAsset;

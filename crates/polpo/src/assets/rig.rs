@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use bevy::reflect::TypePath;
 use polpo_rig::{Rig, RigError};
 
-use super::build::{Awaiting, Found, Seen, loaded, settle};
+use super::build::{Awaiting, Found, Seen, loaded, settle, stop_waiting};
 use super::document::all_of;
 
 /// A rig that was loaded from a `.rig` or a `.rig.ron` file. When the file changes (with Bevy's feature `file_watcher`), or the asset by hand, the bodies made of it are built anew, where they are.
@@ -66,7 +66,7 @@ pub(super) fn build_rigs(
         let SoftBodyRig(handle) = named;
         let now = Seen { rig: rigs.get(handle).map(|rig| rig.0.clone()), ..default() };
         if seen.is_some_and(|seen| seen.is(&now)) {
-            commands.entity(entity).try_remove::<Awaiting>();
+            stop_waiting(&mut commands, entity);
             continue;
         }
         let rig = loaded(&rigs, handle, &server, "rig").map(|rig| rig.map(|rig| rig.0.clone()));

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bevy::prelude::*;
 use polpo_rig::{Recipe, Rig};
 
-use super::build::{Awaiting, AwaitsDress, Found, LoadError, Seen, loaded, settle};
+use super::build::{Awaiting, AwaitsDress, Found, LoadError, Seen, loaded, settle, stop_waiting};
 use super::rigging::Rigging;
 use super::{RecipeAsset, RigAsset, SoftBodyModel};
 
@@ -118,7 +118,7 @@ pub(super) fn build_scenes(
             recipe: scene.rig.recipe().and_then(|recipe| recipes.get(recipe)).map(|recipe| recipe.0.clone()),
         };
         if seen.is_some_and(|seen| seen.is(&now)) {
-            commands.entity(entity).try_remove::<Awaiting>();
+            stop_waiting(&mut commands, entity);
             continue;
         }
         let Some(rig) = scene.resolve(&models, &rigs, &recipes, &server, &mut rigging).transpose() else { continue };

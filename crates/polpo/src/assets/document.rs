@@ -19,6 +19,9 @@ pub(super) async fn all_of(reader: &mut dyn Reader) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// How many bytes buffers may take, as text, by naming a file again: hardly one does.
+const REPEATS: usize = 64 << 20;
+
 #[derive(Deserialize)]
 struct Buffers {
     #[serde(default)]
@@ -47,14 +50,25 @@ pub(super) async fn with_buffers(bytes: Vec<u8>, context: &mut LoadContext<'_>) 
     if buffers.iter().all(|buffer| buffer.file().is_none()) {
         return Ok(bytes);
     }
-    for buffer in &mut buffers {
-        let Some(uri) = buffer.file() else { continue };
-        let fail = |reason: String| ModelError::Buffer { name: context.path().to_string(), uri: uri.to_owned(), reason };
-        let file = percent_decode_str(uri).decode_utf8().map_err(|e| fail(e.to_string()))?;
+    let name = context.path().to_string();
+    // Which buffer holds a file: each is read once, however often it is named.
+    let mut files = BTreeMap::new();
+    let mut left = REPEATS;
+    for index in 0..buffers.len() {
+        let Some(uri) = buffers[index].file().map(str::to_owned) else { continue };
+        let fail = |reason: String| ModelError::Buffer { name: name.clone(), uri: uri.clone(), reason };
+        let file = percent_decode_str(&uri).decode_utf8().map_err(|e| fail(e.to_string()))?;
         let path = context.path().resolve_embed_str(&file).map_err(|e| fail(e.to_string()))?;
-        let (name, uri) = (context.path().to_string(), uri.to_owned());
-        let data = context.read_asset_bytes(path).await.map_err(|e| ModelError::Buffer { name, uri, reason: e.to_string() })?;
-        buffer.uri = Some(format!("data:application/octet-stream;base64,{}", STANDARD.encode(data)));
+        let known = *files.entry(path.to_string()).or_insert(index);
+        let data = if known < index {
+            let data = buffers[known].uri.clone().unwrap_or_default();
+            left = left.checked_sub(data.len()).ok_or_else(|| ModelError::Repeats { name: name.clone(), uri: uri.clone() })?;
+            data
+        } else {
+            let data = context.read_asset_bytes(path).await.map_err(|e| fail(e.to_string()))?;
+            format!("data:application/octet-stream;base64,{}", STANDARD.encode(data))
+        };
+        buffers[index].uri = Some(data);
     }
     let whole = || -> serde_json::Result<Vec<u8>> {
         let mut document: BTreeMap<String, Box<RawValue>> = serde_json::from_slice(&bytes)?;

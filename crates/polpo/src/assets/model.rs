@@ -104,6 +104,14 @@ pub enum ModelError {
         /// Why.
         reason: String,
     },
+    /// The buffers of a glTF name one file so often that they take over 64 MiB more than their files.
+    #[error("{name}: its buffers name {uri} so often that they take over 64 MiB more than their files")]
+    Repeats {
+        /// The glTF.
+        name: String,
+        /// The file that is one too many.
+        uri: String,
+    },
 }
 
 #[derive(TypePath)]

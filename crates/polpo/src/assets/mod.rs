@@ -15,7 +15,7 @@
 //! | `recipe.rs` | `.rig.toml` files: [`RecipeAsset`] |
 //! | `model.rs` | mesh files: [`SoftBodyModel`] |
 //! | `scene.rs` | a body made of a model: [`SoftBodyScene`] |
-//! | `rigging.rs` | models without a rig are rigged on other threads, each once |
+//! | `rigging.rs` | models without a rig are rigged on other threads, if Bevy has any, each once |
 //! | `build.rs` | when all is there the body is built; when a file changes it is built anew, where it is |
 
 mod build;

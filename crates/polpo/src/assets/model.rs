@@ -16,7 +16,8 @@ use super::document::{all_of, with_buffers};
 /// Any mesh file that `polpo_rig` reads; of a glTF all nodes and primitives, node transforms applied. One with bones is taken in the pose that its file stores; bones and animations are left out. A rig
 /// of its own is in the extras of a glTF's default scene, see [`Rig::from_gltf`].
 ///
-/// Bevy's own glTF loader may load the same file beside it.
+/// Bevy's own glTF loader may load the same file beside it. A `.meta` file beside it must not name that loader, nor may the file go through Bevy's asset processor (`AssetMode::Processed` writes such a `.meta`): Bevy then loads
+/// it as a `Gltf` only, says "Expected …, got …" in the log, and the handle of the model stays in `LoadState::Loading` for ever, without an event.
 #[derive(Asset, TypePath, Debug, Clone)]
 pub struct SoftBodyModel {
     mesh: Arc<Mesh>,

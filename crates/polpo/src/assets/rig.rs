@@ -25,6 +25,7 @@ impl RigAsset {
 /// Makes an entity a soft body as soon as the rig is loaded: inserts [`SoftBody`](crate::SoftBody). For one in a mesh of the game's own; [`SoftBodyScene`](crate::SoftBodyScene) brings its meshes along.
 ///
 /// Triggers [`SoftBodyReady`](crate::SoftBodyReady), or [`SoftBodyLoadFailed`](crate::SoftBodyLoadFailed). Taking it off leaves the body as it is.
+/// A body that is built anew because the file changed has back what comes with a [`SoftBody`](crate::SoftBody) and was taken off: take it off again when it is ready.
 #[derive(Component, Debug, Clone, PartialEq)]
 #[component(immutable)]
 #[require(Transform)]

@@ -1,4 +1,4 @@
-//! Rigging at load: on other threads, and each model by each recipe once.
+//! Rigging at load: on other threads, if Bevy has any, and each model by each recipe once.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ enum Making {
 }
 
 impl Rigging {
-    /// The rig of `model` by `recipe`; `None` while it is being made. It takes about a second for 300 particles, on one thread of the `AsyncComputeTaskPool`.
+    /// The rig of `model` by `recipe`; `None` while it is being made. It takes about a second for 300 particles, on one thread of the `AsyncComputeTaskPool`, which without Bevy's `multi_threaded` is the main one.
     ///
     /// # Errors
     /// Those of `polpo_rig::build_rig`; the same again when it is asked for again.

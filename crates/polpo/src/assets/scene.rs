@@ -15,10 +15,13 @@ use super::{RecipeAsset, RigAsset, SoftBodyModel};
 /// With the feature `gltf` and the `PolpoRenderPlugin`, each node and primitive of a glTF becomes a child with its own mesh and material, which follows the body's particles
 /// ([`SkinPart`](crate::render::SkinPart)); meshes of other formats become plain white children. Without, there is the body and nothing to see, as a server wants it.
 ///
-/// What cannot be loaded or rigged is told by [`SoftBodyLoadFailed`](crate::SoftBodyLoadFailed) and an error in the log. When a file changes, its bodies are built anew, where they are and as fast as they are; if the new file is
-/// no good, they stay as they were.
+/// What cannot be loaded or rigged is told by [`SoftBodyLoadFailed`](crate::SoftBodyLoadFailed) and an error in the log. When a file changes, which is noticed with Bevy's feature `file_watcher` only or told by `AssetServer::reload`,
+/// its bodies are built anew, where they are and as fast as they are; if the new file is no good, they stay as they were, and that is told, too. A body that is built anew has back what comes with a [`SoftBody`](crate::SoftBody) and was taken off,
+/// `Sleep` or `Torsion` say: take it off again when it is ready.
 ///
 /// Inserting it again, with another model say, makes another body in the same place. Taking it off leaves the body.
+///
+/// One failure is not told: if a `.meta` file beside the model names another loader than ours, see [`SoftBodyModel`](crate::SoftBodyModel), there never is a body.
 #[derive(Component, Debug, Clone, PartialEq)]
 #[component(immutable)]
 #[require(Transform)]
@@ -32,12 +35,13 @@ pub struct SoftBodyScene {
 /// Where a model's rig comes from.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum RigSource {
-    /// From the model's own file. One that has none is rigged by the default [`Recipe`], off the main thread and once in a session: a second or so, in which there is no body yet.
+    /// From the model's own file. One that has none is rigged by the default [`Recipe`], once in a session: a second or so, in which there is no body yet. That is off the main thread with Bevy's feature `multi_threaded`; without, and on the web,
+    /// the frame takes as long.
     #[default]
     Model,
     /// From a file of its own, which must have been made for this model.
     Rig(Handle<RigAsset>),
-    /// It is made by this recipe, likewise off the main thread and once in a session.
+    /// It is made by this recipe, likewise once in a session.
     Recipe(Handle<RecipeAsset>),
 }
 

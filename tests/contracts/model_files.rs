@@ -1,4 +1,4 @@
-//! Contract: one component makes a body of a model's file, with the rig that it has, is given, or is made off the main thread; what changes in a file changes the bodies where they are; what is wrong with one is told by its name
+//! Contract: one component makes a body of a model's file, with the rig that it has, is given, or is made off the main thread where there are others; what changes in a file changes the bodies where they are; what is wrong with one is told by its name
 //! and costs nothing else.
 
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use bevy::math::Vec3A;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use polpo::prelude::*;
-use polpo::render::{PolpoRenderPlugin, Skin, SkinPart, SkinningBackend};
+use polpo::render::{PolpoRenderPlugin, Skin, SkinPart, SkinParts, SkinningBackend};
 use polpo::{LoadError, Particles, RecipeAsset, RigAsset, SoftBodyModel};
 use polpo_rig::{Influences, Mesh as RigMesh, Particle, Recipe, Rig, RigError, parse_mesh};
 use polpo_skinning::cpu::{SkinnedVertices, skin};
@@ -23,6 +23,8 @@ use serde_json::{Value, json};
 #[derive(Resource, Default)]
 struct Told {
     ready: Vec<Entity>,
+    /// How many parts each of these had by then.
+    parts: Vec<usize>,
     failed: Vec<(Entity, LoadError)>,
 }
 
@@ -38,7 +40,10 @@ fn app(files: &Files, drawn: bool) -> App {
         app.add_plugins(PolpoAssetsPlugin);
     }
     app.init_resource::<Told>()
-        .add_observer(|event: On<SoftBodyReady>, mut told: ResMut<Told>| told.ready.push(event.entity))
+        .add_observer(|event: On<SoftBodyReady>, parts: Query<&SkinParts>, mut told: ResMut<Told>| {
+            told.ready.push(event.entity);
+            told.parts.push(parts.get(event.entity).map_or(0, |parts| parts.iter().count()));
+        })
         .add_observer(|event: On<SoftBodyLoadFailed>, mut told: ResMut<Told>| told.failed.push((event.entity, event.reason.clone())))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO));
     app.finish();
@@ -225,6 +230,62 @@ fn a_file_that_changes_changes_its_bodies_where_they_are() {
     let half = parse_mesh("half.glb", &glb(&dumbbell()[..1], &COLORS, json!(null))).expect("a good model");
     files.change(&app, "dumbbell.rig", rig_for(&half, 10).to_postcard().unwrap());
     wait(&mut app, "a rig for it", |app| rig_of(app, body).particles.len() == 10);
+
+    // The rig is none any more, or none that can be simulated: the bodies stay, and are told of.
+    let mut dust = rig_for(&half, 12);
+    dust.particles[3].radii = Vec3::splat(1e-30);
+    let before = ready(&app);
+    for (bytes, message) in
+        [(b"POLPORIG".to_vec(), "dumbbell.rig: not a rig"), (dust.to_postcard().unwrap(), "dumbbell.rig: particle 3: half axes")]
+    {
+        app.world_mut().resource_mut::<Told>().failed.clear();
+        files.change(&app, "dumbbell.rig", bytes);
+        wait(&mut app, "a complaint for each", |app| app.world().resource::<Told>().failed.len() == 2);
+        for (entity, reason) in &app.world().resource::<Told>().failed {
+            assert!([body, other].contains(entity) && reason.to_string().contains(message), "{reason}");
+            assert_eq!(rig_of(&app, *entity).particles.len(), 10);
+            assert!(app.world().entity(*entity).contains::<Particles>());
+        }
+    }
+    assert_eq!(ready(&app), before);
+    files.change(&app, "dumbbell.rig", rig_for(&half, 11).to_postcard().unwrap());
+    wait(&mut app, "a good rig again", |app| [body, other].iter().all(|&entity| rig_of(app, entity).particles.len() == 11));
+}
+
+#[test]
+fn a_scene_that_is_replaced_before_it_is_made_is_not_made() {
+    let files = Files::default();
+    files.write("dumbbell.glb", model(json!(null)));
+    files.write("one.rig", rig(10).to_postcard().unwrap());
+    files.write("two.rig", rig(20).to_postcard().unwrap());
+    let mut app = app(&files, false);
+    let scene = |app: &App, rig: &str| SoftBodyScene::new(load(app, "dumbbell.glb")).with_rig(load(app, rig));
+    let (one, two) = (scene(&app, "one.rig"), scene(&app, "two.rig"));
+    // Both are there at once, and the first has the second be made of another rig.
+    let [first, second] = [0, 1].map(|_| spawn(&mut app, one.clone(), Transform::IDENTITY));
+    app.add_observer(move |event: On<SoftBodyReady>, mut commands: Commands| {
+        if event.entity == first {
+            commands.entity(second).insert(two.clone());
+        }
+    });
+    wait(&mut app, "two bodies", |app| ready(app) >= 2);
+    for _ in 0..5 {
+        app.update();
+    }
+    assert_eq!(app.world().resource::<Told>().ready, [first, second]);
+    assert_eq!([first, second].map(|body| rig_of(&app, body).particles.len()), [10, 20]);
+}
+
+#[test]
+fn a_model_made_by_a_program_is_checked_too() {
+    let mut app = app(&Files::default(), true);
+    let bare = RigMesh { normals: Vec::new(), ..mesh() };
+    let model = app.world_mut().resource_mut::<Assets<SoftBodyModel>>().add(SoftBodyModel::new(bare, Some(Arc::new(rig(10)))));
+    let body = spawn(&mut app, SoftBodyScene::new(model), Transform::IDENTITY);
+    wait(&mut app, "a complaint", |app| !app.world().resource::<Told>().failed.is_empty());
+    let (entity, reason) = &app.world().resource::<Told>().failed[0];
+    assert!(*entity == body && reason.to_string().contains("0 entries in normals"), "{reason}");
+    assert!(!app.world().entity(body).contains::<SoftBody>());
 }
 
 #[test]
@@ -247,6 +308,12 @@ fn what_is_wrong_is_told_by_its_name() {
     files.write("broken.rig.toml", "particels = 5");
     let thread = dumbbell().into_iter().map(|(_, primitives)| (Transform::from_scale(Vec3::X), primitives)).collect::<Vec<_>>();
     files.write("thread.glb", glb(&thread, &COLORS, json!(null)));
+    let (mut again, mut blob) = gltf(&dumbbell(), &COLORS, json!(null), json!("again.bin"));
+    let buffer = again["buffers"][0].clone();
+    again["buffers"] = json!(vec![buffer; 60]);
+    blob.resize(1 << 20, 0);
+    files.write("again.gltf", again.to_string());
+    files.write("again.bin", blob);
     let mut app = app(&files, false);
     let scene = |app: &App, path: &str| SoftBodyScene::new(load(app, path));
     let good = |app: &App| scene(app, "good.glb");
@@ -263,6 +330,7 @@ fn what_is_wrong_is_told_by_its_name() {
         (good(&app).with_rig(load(&app, "broken.rig.ron")), "broken.rig.ron: not a rig"),
         (good(&app).with_recipe(load(&app, "broken.rig.toml")), "broken.rig.toml: not a recipe"),
         (scene(&app, "thread.glb"), "thread.glb: none of the"),
+        (scene(&app, "again.gltf"), "again.gltf: its buffers name again.bin so often"),
     ];
     let bodies = cases.map(|(scene, message)| (spawn(&mut app, scene, Transform::IDENTITY), message));
     let sound = good(&app).with_rig(load(&app, "good.rig"));
@@ -357,6 +425,14 @@ fn each_part_is_a_child_that_follows_the_body_and_goes_with_it() {
     assert!(app.world().get::<Children>(two).unwrap().iter().eq(children.iter().copied()));
     let found = app.world().get::<Skin>(children[0]).unwrap().binding().rest_particles().len();
     assert_eq!(found, 30);
+    // Other vertices than it has are not its own.
+    let part = app.world().get::<SkinPart>(children[0]).unwrap().clone();
+    let fewer = SkinPart { body: two, vertices: part.vertices.start..part.vertices.end - 1 };
+    for (part, fits) in [(fewer, false), (part, true)] {
+        app.world_mut().entity_mut(children[0]).insert(part);
+        app.update();
+        assert_eq!(app.world().entity(children[0]).contains::<Skin>(), fits);
+    }
     let half = SoftBodyModel::new(parse_mesh("half.glb", &glb(&dumbbell()[..1], &COLORS, json!(null))).unwrap(), None);
     let model = app.world_mut().resource_mut::<Assets<SoftBodyModel>>().add(half);
     let recipe = app.world_mut().resource_mut::<Assets<RecipeAsset>>().add(RecipeAsset(Recipe::with_particles(15)));
@@ -370,4 +446,5 @@ fn each_part_is_a_child_that_follows_the_body_and_goes_with_it() {
     assert_eq!(app.world().resource::<Assets<Mesh>>().len(), before, "a despawned body leaves a mesh behind");
     assert_eq!(app.world_mut().query::<&SkinPart>().iter(app.world()).count(), 0);
     assert!(app.world().resource::<Told>().failed.is_empty());
+    assert_eq!(app.world().resource::<Told>().parts, [3, 3, 3, 2], "a body is ready when its parts are there");
 }

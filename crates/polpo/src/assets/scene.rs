@@ -21,7 +21,7 @@ use super::{RecipeAsset, RigAsset, SoftBodyModel};
 ///
 /// Inserting it again, with another model say, makes another body in the same place. Taking it off leaves the body.
 ///
-/// One failure is not told: if a `.meta` file beside the model names another loader than ours, see [`SoftBodyModel`](crate::SoftBodyModel), there never is a body.
+/// One failure is not told: if a `.meta` file beside the model names another loader than ours, see [`SoftBodyModel`], there never is a body.
 #[derive(Component, Debug, Clone, PartialEq)]
 #[component(immutable)]
 #[require(Transform)]

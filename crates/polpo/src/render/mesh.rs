@@ -7,11 +7,14 @@ use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
 
 /// The mesh a rig was made from, as Bevy's renderer takes it: same vertices in the same order, so that the rig fits it. Colours and texture coordinates come along if there are any.
+///
+/// # Panics
+/// For a mesh that [`validate`](polpo_rig::Mesh::validate) refuses.
 pub fn bevy_mesh(mesh: &polpo_rig::Mesh) -> Mesh {
     mesh_of_part(mesh, 0..mesh.positions.len() as u32, 0..mesh.triangles.len() as u32)
 }
 
-/// The same of some of the vertices and the triangles between them.
+/// The same of some of the vertices and the triangles between them, of a mesh that was validated.
 pub(crate) fn mesh_of_part(mesh: &polpo_rig::Mesh, vertices: Range<u32>, triangles: Range<u32>) -> Mesh {
     let (first, vertices) = (vertices.start, vertices.start as usize..vertices.end as usize);
     let triangles = &mesh.triangles[triangles.start as usize..triangles.end as usize];

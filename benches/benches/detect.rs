@@ -85,6 +85,7 @@ fn detect(criterion: &mut Criterion) {
                     acceleration: Gravity::default().0,
                     dt: (1.0 / RATE) as f32,
                     friction: 0.6,
+                    frictions: &[],
                     memberships: 1,
                     filter: u32::MAX,
                 };

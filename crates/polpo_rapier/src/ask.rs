@@ -34,11 +34,9 @@ impl Ask<'_> {
     /// Adds the planes that the particle, `probe` in the obstacle's axes, may meet in this step.
     pub(crate) fn collect(&self, mut probe: Probe, out: &mut Vec<Candidate>) {
         let (mut mins, mut maxs) = (probe.now, probe.now);
-        for at in [&probe.ends[0], &probe.ends[1], &probe.free] {
-            if let Some(at) = at {
-                mins = mins.min(*at);
-                maxs = maxs.max(*at);
-            }
+        for at in [&probe.ends[0], &probe.ends[1], &probe.free].into_iter().flatten() {
+            mins = mins.min(*at);
+            maxs = maxs.max(*at);
         }
         let reach = Vec3A::splat(probe.bound + probe.slack);
         let (mins, maxs, local) = (mins - reach, maxs + reach, &self.obstacle.local_bounds);

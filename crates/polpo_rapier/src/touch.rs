@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn an_overhanging_ellipsoid_is_not_thrown_off_the_edge() {
         let table = Cuboid::new(Vec3::splat(5.0));
-        let flat = Ellipsoid { radii: Vec3A::new(1.0, 0.25, 1.0).into(), orientation: Rotation::IDENTITY };
+        let flat = Ellipsoid { radii: Vec3A::new(1.0, 0.25, 1.0), orientation: Rotation::IDENTITY };
         let center = Vec3A::new(5.5, 5.25, 0.0);
         let by_center = nearest(&table, center);
         assert!(by_center.distance - support(&flat, by_center.normal) < -0.3);
@@ -155,8 +155,8 @@ mod tests {
                 let f = i as f32;
                 let out = Vec3A::new(libm::sinf(f * 1.3), libm::cosf(f * 2.1), libm::sinf(f * 0.7 + 1.0)).normalize();
                 let out = out * (0.5 + 0.1 * (i % 5) as f32);
-                let turn = quat_exp(Vec3A::new(libm::sinf(f), libm::cosf(f * 1.7), libm::sinf(f * 2.3)).into());
-                let ellipsoid = Ellipsoid { radii: Vec3A::new(0.4, 0.1, 0.2).into(), orientation: turn };
+                let turn = quat_exp(Vec3A::new(libm::sinf(f), libm::cosf(f * 1.7), libm::sinf(f * 2.3)));
+                let ellipsoid = Ellipsoid { radii: Vec3A::new(0.4, 0.1, 0.2), orientation: turn };
                 let found = plane(&ellipsoid, out, shape);
                 let nearness = found.distance / support(&ellipsoid, found.normal);
                 let mut largest = f32::NEG_INFINITY;

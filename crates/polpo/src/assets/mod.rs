@@ -72,7 +72,7 @@ impl Plugin for PolpoAssetsPlugin {
             .add_observer(build::await_files::<SoftBodyRig>)
             .add_systems(
                 Update,
-                (build::await_changed, (rig::build_rigs, scene::build_scenes).run_if(any_with_component::<build::Awaiting>))
+                (build::await_changed, (rig::build_rigs, scene::build_scenes).run_if(any_with_component::<Awaiting>))
                     .chain()
                     .in_set(SoftBodyAssetSystems),
             );

@@ -28,7 +28,7 @@ pub(super) struct Clothes {
 pub(super) struct Cloth {
     pub(super) part: MeshPart,
     pub(super) mesh: Handle<Mesh>,
-    material: Handle<StandardMaterial>,
+    pub(super) material: Handle<StandardMaterial>,
 }
 
 /// A mesh and a material for each part of the model.

@@ -62,6 +62,8 @@ pub(super) struct Seen {
     pub(super) mesh: Option<Arc<Mesh>>,
     pub(super) rig: Option<Arc<Rig>>,
     pub(super) recipe: Option<Recipe>,
+    /// What was told of a file that changed and is no good: Bevy says so twice.
+    pub(super) complaint: Option<String>,
 }
 
 impl Seen {
@@ -163,7 +165,14 @@ fn take_in(commands: &mut Commands, entity: Entity, awaiting: bool, news: &Resul
         }
         // One that waits is made of what was there before, and told of that.
         Err(_) if awaiting => {}
-        Err(reason) => commands.queue(move |world: &mut World| fail(world, entity, reason)),
+        Err(reason) => commands.queue(move |world: &mut World| {
+            let Some(mut seen) = world.get_mut::<Seen>(entity) else { return };
+            let complaint = Some(reason.to_string());
+            if seen.complaint != complaint {
+                seen.complaint = complaint;
+                fail(world, entity, reason);
+            }
+        }),
     }
 }
 

@@ -120,6 +120,7 @@ pub(super) fn build_scenes(
             mesh: models.get(&scene.model).map(|model| model.mesh().clone()),
             rig: scene.rig.rig().and_then(|rig| rigs.get(rig)).map(|rig| rig.0.clone()),
             recipe: scene.rig.recipe().and_then(|recipe| recipes.get(recipe)).map(|recipe| recipe.0.clone()),
+            complaint: None,
         };
         if seen.is_some_and(|seen| seen.is(&now)) {
             stop_waiting(&mut commands, entity);

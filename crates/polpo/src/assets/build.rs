@@ -167,7 +167,8 @@ fn take_in(commands: &mut Commands, entity: Entity, awaiting: bool, news: &Resul
         Err(_) if awaiting => {}
         Err(reason) => commands.queue(move |world: &mut World| {
             let Some(mut seen) = world.get_mut::<Seen>(entity) else { return };
-            let complaint = Some(reason.to_string());
+            // Without the backtrace, which Bevy adds if it is asked to.
+            let complaint = reason.to_string().lines().next().map(str::to_owned);
             if seen.complaint != complaint {
                 seen.complaint = complaint;
                 fail(world, entity, reason);

@@ -143,6 +143,21 @@ fn a_soft_limb_keeps_its_stretch() {
     assert_eq!(caps[2], 1.0);
 }
 
+/// Rods have no facets; a limb of them is capped all the same.
+#[test]
+fn a_limb_of_rods_is_capped_too() {
+    let material = Material { youngs_modulus: 1e8, poissons_ratio: 0.3, density: DENSITY };
+    let section = Section::square(0.05);
+    let mut body = Body::new(&Solid::bar(0.05), 20, 0);
+    let pairs: Vec<[u32; 2]> = body.facets.iter().map(|facet| facet.pair).collect();
+    let edges = crate::Edges::new(&body.p, &pairs).unwrap();
+    let seam = vec![false; body.p.len()];
+    let mut rods = CalibratedEdges::rods(&mut body.p, &edges, &material, &section, Some(0.12), &seam).unwrap();
+    let cap = rods.cap_stretch(&mut crate::Rings::default(), &body.p, &material, &Limb { axis: Vec3A::X, section }).unwrap();
+    assert!(cap > 0.0 && cap < 1.0, "{cap}");
+    assert!(rods.bend_compliance.iter().chain(&rods.stretch_compliance).all(|c| c.is_finite() && c.min_element() > 0.0));
+}
+
 /// Bent, twisted and swollen to a rest pose, moved and turned as a whole: nothing pulls there, and it is where the body goes from the shape that it was made in.
 #[test]
 fn cells_follow_a_rest_pose() {

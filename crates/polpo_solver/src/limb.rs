@@ -85,7 +85,12 @@ impl CalibratedEdges {
     /// The share of the section's twist, `of_section`.x, with which all of the limb twists as the section does. With cells that turn as one at each place along the axis t, a twist of φ′ opens a facet by φ′·(d·t)·|r|, where
     /// r is how far it lies off the axis, and turns its ends by φ′·(d·t): with k and b the stiffness of its shear and own twist, what is left is 1 − c·Σ(k·r² + b)(d·t)² / Σ of_section·(d·t)², not below 0.
     fn twist_left(&self, particles: &Particles, axis: Vec3A, cap: f32, of_section: &[Vec3A]) -> f32 {
-        let place = |edge: usize| particles.rest_position[self.pairs[edge][0] as usize] + self.contact[edge][0];
+        let ends = |edge: usize| self.pairs[edge].map(|i| particles.rest_position[i as usize]);
+        // What is no facet acts halfway.
+        let place = |edge: usize| {
+            let [i, j] = ends(edge);
+            self.contact.get(edge).map_or((i + j) * 0.5, |[from_first, _]| i + *from_first)
+        };
         let (mut middle, mut weight) = (Vec3A::ZERO, 0.0);
         for (edge, section) in of_section.iter().enumerate() {
             middle += place(edge) * section.x;
@@ -94,7 +99,7 @@ impl CalibratedEdges {
         middle /= weight;
         let (mut held, mut whole) = (0.0, 0.0);
         for (edge, section) in of_section.iter().enumerate() {
-            let [i, j] = self.pairs[edge].map(|i| particles.rest_position[i as usize]);
+            let [i, j] = ends(edge);
             let reach = (j - i).dot(axis);
             let own = Mat3A::from_quat(self.frame[edge]).transpose() * axis;
             let own = (own * own).dot(self.bend_compliance[edge].recip());
